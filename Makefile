@@ -1,0 +1,44 @@
+# gesture_bot: `make demo` and `make test` set everything up in .venv by themselves.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := $(wildcard CMakeLists.txt pyproject.toml package.xml msg/*.msg */*.py */*.in) \
+           $(shell find config launch corpus -type f -not -name '*.pyc' 2>/dev/null)
+
+.PHONY: demo test lint format clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/installed
+	$(BIN)/gesture-bot demo
+
+test: $(VENV)/installed-dev lint
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy -p gesture_bot
+
+format: $(VENV)/installed-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench-%: $(VENV)/installed-dev
+	$(BIN)/python bench/$(subst -,_,$*).py
+
+clean:
+	rm -rf $(VENV) build install log demo_out .mypy_cache .ruff_cache .pytest_cache
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gesture_bot needs Python 3.11 or later; try: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+
+$(VENV)/installed: $(BIN)/python $(SOURCES)
+	$(BIN)/pip install --progress-bar on .
+	touch $@
+
+$(VENV)/installed-dev: $(BIN)/python $(SOURCES)
+	$(BIN)/pip install --progress-bar on '.[dev]'
+	touch $@ $(VENV)/installed

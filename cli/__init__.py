@@ -1,0 +1,1 @@
+"""The `gesture-bot` command."""

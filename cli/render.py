@@ -1,0 +1,103 @@
+"""The graph's motion for a sound file, without ROS and without waiting for the clock."""
+
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.corpus.database import Database
+from gesture_bot.corpus.demo import demo_database
+from gesture_bot.evaluate.motion_files import write_bvh, write_joint_csv
+from gesture_bot.evaluate.robot_gif import write_robot_gif
+from gesture_bot.matching.banks import load_banks
+from gesture_bot.matching.emotions import load_emotions
+from gesture_bot.matching.selector import Selector
+from gesture_bot.refine.smoothing import WindowSmoother
+from gesture_bot.retarget.retargeter import Retargeter
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.speech.audio import load_audio
+from gesture_bot.speech.features import speech_features
+
+FORMATS = (".bvh", ".csv", ".gif")
+
+LEAD_IN = 2 * FRAME_RATE
+"""Frames of rest before the sound, in which the first gesture prepares; they are cut off."""
+
+LEAD_OUT = FRAME_RATE
+"""Frames after the sound, for the last retraction."""
+
+
+def render(
+    speech: Path, output: Path, *, database: str, emotion: str, robot_name: str, seed: int
+) -> None:
+    """Write the motion for a sound file.
+
+    Args:
+        speech: The sound file.
+        output: .bvh (the human skeleton, 15 frames a second), .csv (joint angles [rad], 50 a second) or .gif.
+        database: A database file, or "demo".
+        emotion: A name of config/emotions.yaml.
+        robot_name: A robot of config/robots, or a YAML file.
+        seed: Seed of everything drawn at random.
+
+    Raises:
+        GestureBotError: A file, name or format that is not valid.
+    """
+    if output.suffix not in FORMATS:
+        raise InvalidValueError("cannot render to this kind of file", output.name, FORMATS)
+    samples = load_audio(speech)
+    robot = load_robot(robot_name)
+    selector = Selector(
+        Database.load(demo_database() if database == "demo" else Path(database)),
+        load_banks(),
+        load_emotions(),
+        seed=seed,
+    )
+    selector.set_emotion(emotion)
+    keypoints, trajectory = motion(speech_features(samples), selector, Retargeter(robot))
+    if output.suffix == ".bvh":
+        write_bvh(output, keypoints)
+    elif output.suffix == ".csv":
+        write_joint_csv(output, trajectory.joints, trajectory.times, trajectory.positions)
+    else:
+        write_robot_gif(output, robot, trajectory.times, trajectory.positions)
+
+
+def motion(
+    features: np.ndarray, selector: Selector, retargeter: Retargeter
+) -> tuple[np.ndarray, JointTrajectory]:
+    """Walk the features through search, refinement and retargeting, as the nodes do.
+
+    Args:
+        features: (n, 28) speech features, 15 frames a second.
+        selector: Chooses windows; fresh.
+        retargeter: Of the robot; fresh.
+
+    Returns:
+        (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory every 20 ms
+        with times counted from there [s].
+    """
+    for frame, vector in enumerate(features, LEAD_IN):
+        selector.add_features(frame, vector)
+    stop = LEAD_IN + len(features) + LEAD_OUT
+    smoother = WindowSmoother()
+    frames: dict[int, np.ndarray] = {}
+    points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    for frame in tqdm(range(stop), desc="gestures", unit="frame", leave=False):
+        for window in selector.plan(frame_time(frame)):
+            clip = smoother.push(KeypointClip(window.start, window.keypoints))
+            frames.update(enumerate(clip.keypoints, clip.start))
+            plan = retargeter.push(clip)
+            ticks = np.rint(plan.times * 50).astype(int)
+            points.update(zip(ticks, zip(plan.positions, plan.velocities, strict=True), strict=True))
+    first, last = round(frame_time(LEAD_IN) * 50), round(frame_time(stop) * 50)
+    positions, velocities = zip(*(points[tick] for tick in range(first, last)), strict=True)
+    return (
+        np.stack([frames[frame] for frame in range(LEAD_IN, stop)]),
+        JointTrajectory(
+            plan.joints, np.arange(last - first) / 50, np.stack(positions), np.stack(velocities)
+        ),
+    )

@@ -1,0 +1,1 @@
+"""One ROS node a file: parameters, topics, and calls into a room."""

@@ -1,0 +1,110 @@
+"""Plays the user in `gesture-bot demo`: speaks, changes emotion and control, takes an arm and gives it back."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from rclpy.executors import Executor
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
+
+from gesture_bot.base.errors import GestureBotError
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.msg import Constraint, Control, Emotion
+from gesture_bot.nodes.messages import trajectory_to
+from gesture_bot.nodes.node import PLAN, STATE
+from gesture_bot.nodes.recorder import Recorder
+from gesture_bot.retarget.robot import Robot
+
+SCRIPT = (
+    ("neutral", False, "Hello, I am glad to see you here. I am a robot, and I talk with my hands."),
+    ("sad", False, "Yesterday it rained all day, and nobody came to visit me. I felt small and very tired."),
+    ("angry", False, "But then somebody took my chair away! That is not fair, and I will not stop saying so!"),
+    ("neutral", True, "Now I keep my left hand high while I speak, because somebody asked me to do that."),
+    ("happy", False, "While you move my left arm, the other one goes on talking. Thank you, that was big fun!"),
+)
+"""Emotion, whether the left wrist is kept high, and the sentences."""
+
+TAKEN = 4
+"""Line of SCRIPT during which the operator takes the left arm."""
+
+
+class DemoDirector(Recorder):
+    """Sees what passes and, from `play`, steers the graph through the topics that every user has."""
+
+    def __init__(self, robot: Robot, name: str = "demo_director", **options: Any):
+        super().__init__(name, **options)
+        self._robot = robot
+        self._say = self.create_publisher(String, "say", PLAN)
+        self._emotion = self.create_publisher(Emotion, "emotion", STATE)
+        self._control = self.create_publisher(Control, "control", STATE)
+        self._teleop = self.create_publisher(JointTrajectoryMessage, "teleop/joint_trajectory", PLAN)
+
+    def play(self) -> Iterator[None]:
+        """The script, a step at a time: yields while it waits.
+
+        Raises:
+            GestureBotError: The graph did not start within 30 s.
+        """
+        yield from self._until(self._graph_stands, 30.0)
+        for line, (emotion, left_high, text) in enumerate(SCRIPT):
+            self._emotion.publish(Emotion(expression=emotion))
+            high = Constraint(
+                quantity=Constraint.WRIST_HEIGHT, hand=Constraint.LEFT, value=85.0, unit=Constraint.PERCENTILE
+            )
+            self._control.publish(Control(constraints=[high] if left_high else []))
+            spoken = sum(heard.message.last for heard in self.record.audio)
+            self._say.publish(String(data=text))
+            if line == TAKEN:
+                yield from self._take_left_arm(1.5, 4.0)
+            yield from self._until(
+                lambda spoken=spoken: sum(heard.message.last for heard in self.record.audio) > spoken, 30.0
+            )
+            end = self.record.audio[-1].stamp
+            yield from self._until(lambda end=end: self.now() > end + 0.7, 30.0)
+        yield from self._wait(1.5)
+
+    def _graph_stands(self) -> bool:
+        return bool(self.record.joint_states and self.record.refined and self._say.get_subscription_count())
+
+    def _take_left_arm(self, after: float, length: float) -> Iterator[None]:
+        """Wave with the left arm: an operator's joint trajectory, sent ten times a second."""
+        yield from self._wait(after)
+        joints = tuple(joint for joint in self._robot.joints if joint.startswith("left_"))
+        limits = self._robot.limits
+        columns = [self._robot.joints.index(joint) for joint in joints]
+        lower, upper = limits.lower[columns], limits.upper[columns]
+        centre = np.clip(self._robot.rest[columns], lower + 0.5, upper - 0.5)
+        begin = self.now()
+        while (now := self.now()) < begin + length:
+            times = now + np.arange(0.0, 0.4, 0.05)
+            phase = 2 * math.pi * 0.5 * (times - begin)[:, None]
+            trajectory = JointTrajectory(
+                joints, times, centre - 0.4 * np.cos(phase), 0.4 * math.pi * np.sin(phase)
+            )
+            self._teleop.publish(trajectory_to(trajectory))
+            yield from self._wait(0.1)
+
+    def _wait(self, length: float) -> Iterator[None]:
+        end = self.now() + length
+        yield from self._until(lambda: self.now() >= end, length + 1.0)
+
+    def _until(self, condition: Callable[[], bool], limit: float) -> Iterator[None]:
+        give_up = time.monotonic() + limit
+        while not condition():
+            if time.monotonic() > give_up:
+                raise GestureBotError("the graph did not answer within", f"{limit:g} s")
+            yield
+
+
+def spin_while_playing(director: DemoDirector, executor: Executor, on_step: Callable[[], None]) -> None:
+    """Spin until the director's script has ended, calling `on_step` about 20 times a second."""
+    executor.add_node(director)
+    next_step = 0.0
+    for _ in director.play():
+        executor.spin_once(timeout_sec=0.02)
+        if time.monotonic() > next_step:
+            next_step = time.monotonic() + 0.05
+            on_step()

@@ -1,0 +1,51 @@
+"""The one list of nodes and arguments, from which the launch file and `gesture-bot run` both draw.
+
+Nothing here imports a node or rclpy, so that listing the graph costs nothing.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Argument:
+    """A value that a user may give as NAME:=VALUE; its type is its default's."""
+
+    name: str
+    default: str | int
+    description: str
+
+
+@dataclass(frozen=True)
+class GraphNode:
+    """A node: a file of this folder, its class, and the arguments that it takes as parameters."""
+
+    name: str
+    class_name: str
+    arguments: tuple[str, ...]
+
+
+ARGUMENTS = (
+    Argument("speech", "say", "What is heard: 'say' (text on the topic `say`), or a sound file to play once"),
+    Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
+    Argument("voice", "embedded", "Voice that speaks text"),
+    Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
+    Argument("emotion", "neutral", "Emotion at the start; the topic `emotion` changes it"),
+    Argument("robot", "toa", "Robot: a name in config/robots, or a YAML file"),
+    Argument("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"),
+    Argument("seed", 0, "Seed of everything that is drawn at random"),
+)
+"""The arguments of the graph. `namespace` is one more, which every node takes as ROS gives it."""
+
+NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
+
+NODES = (
+    GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
+    GraphNode("feature_streamer", "FeatureStreamer", ()),
+    GraphNode("keyword_spotter", "KeywordSpotter", ()),
+    GraphNode("gesture_selector", "GestureSelector", ("database", "emotion", "seed")),
+    GraphNode("gesture_refiner", "GestureRefiner", ()),
+    GraphNode("retargeter", "Retargeter", ("robot",)),
+    GraphNode("motion_mux", "MotionMux", ("robot",)),
+    GraphNode("servo_driver", "ServoDriver", ("robot", "port")),
+)
+"""In the order of the data; the bus comes last, so that nothing can move before all of it stands."""

@@ -1,0 +1,54 @@
+"""Decides who moves each joint: gesture or operator; a stop outranks both and latches."""
+
+from typing import Any
+
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from gesture_bot.nodes.messages import trajectory_from, trajectory_to
+from gesture_bot.nodes.node import PLAN, STATE, GestureNode
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo import mux
+
+
+class MotionMux(GestureNode):
+    """Publishes, 50 times a second, the next tenth of a second of whoever owns each joint."""
+
+    def __init__(self, name: str = "motion_mux", **options: Any):
+        super().__init__(name, **options)
+        robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
+        timeout = self.parameter(
+            "teleop_timeout", 0.5, "Silence after which teleoperation gives its joints back [s]", bounds=(0.05, 60.0)
+        )
+        self._mux = mux.MotionMux(robot.joints, robot.rest, teleop_timeout=timeout)
+        self._owners = ""
+        self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", PLAN)
+        self._mode = self.create_publisher(String, "motion_mux/owner", STATE)
+
+        for source in ("gesture", "teleop"):
+            self._follow(source)
+        self.listen(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data), STATE)
+        self.listen(Bool, "stop", self._on_stop, PLAN)
+        self.create_service(Trigger, "stop", self._stop_service)
+        self.create_service(Trigger, "reset", self._reset_service)
+        self.every(0.02, self._tick)
+        self.waits_for("trajectories on gesture/joint_trajectory and teleop/joint_trajectory")
+
+    def _follow(self, source: str) -> None:
+        def on_trajectory(message: JointTrajectory) -> None:
+            now = self.now()
+            self._mux.set_source(source, trajectory_from(message, now), now)
+
+        self.listen(JointTrajectory, f"{source}/joint_trajectory", on_trajectory, PLAN)
+
+    def _on_stop(self, message: Bool) -> None:
+        if message.data:
+            self._stop_service(None, None)
+
+    def _tick(self) -> None:
+        self._commands.publish(trajectory_to(self._mux.tick(self.now())))
+        owners = self._mux.owners
+        if owners != self._owners:
+            self._owners = owners
+            self._mode.publish(String(data=owners))

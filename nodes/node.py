@@ -1,0 +1,98 @@
+"""What the eight nodes share: described parameters, guarded callbacks, and the quality of service."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from rclpy.timer import Timer
+
+from gesture_bot.base.errors import GestureBotError, InvalidValueError
+
+STREAM = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Sound and features: sensor data. Deep enough for the two seconds that text arrives ahead of its sound."""
+
+PLAN = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""Words, windows and trajectories: each one matters."""
+
+STATE = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""Emotion, control, stop and modes: a late joiner gets the current one."""
+
+
+class GestureNode(Node):
+    """A node whose parameters are described, and whose callbacks answer bad input with one clear line."""
+
+    def parameter(
+        self,
+        name: str,
+        default: Any,
+        description: str,
+        *,
+        bounds: tuple[float, float] | None = None,
+        choices: Iterable[str] = (),
+    ) -> Any:
+        """Declare a parameter that is read once, at the start, and return its value.
+
+        Args:
+            name: Its name.
+            default: Its default, which also fixes its type.
+            description: A sentence, with the unit.
+            bounds: Smallest and largest valid number.
+            choices: The valid strings.
+
+        Raises:
+            InvalidValueError: The value is of another type, out of bounds, or not among the choices.
+        """
+        descriptor = ParameterDescriptor(description=description, read_only=True)
+        if bounds and isinstance(default, int):
+            descriptor.integer_range = [IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]), step=0)]
+        elif bounds:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
+        choices = tuple(choices)
+        descriptor.additional_constraints = f"One of: {', '.join(choices)}" if choices else ""
+        try:
+            value = self.declare_parameter(name, default, descriptor).value
+        except Exception as error:  # rclpy raises several unrelated classes here
+            raise InvalidValueError(f"parameter {name} of {self.get_name()} ({' '.join(str(error).split())})") from error
+        if choices and value not in choices:
+            raise InvalidValueError(f"parameter {name} of {self.get_name()}", value, choices)
+        return value
+
+    def listen(self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> None:
+        """Subscribe; a bad message is logged in one line and changes nothing."""
+        self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
+
+    def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
+        """Call back periodically; an error is logged in one line."""
+        return self.create_timer(seconds, self._guarded(callback, "timer"))
+
+    def now(self) -> float:
+        """The time of the graph [s since the epoch]."""
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def waits_for(self, what: str) -> None:
+        """Say in one line what the node needs before it does anything."""
+        self.get_logger().info(f"ready; waits for {what}")
+
+    def _guarded(self, callback: Callable[..., None], where: str) -> Callable[..., None]:
+        def guarded(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except GestureBotError as error:
+                self.get_logger().error(f"{where}: {error}")
+
+        return guarded
+
+
+def seconds(time: Any) -> float:
+    """A builtin_interfaces/Time or Duration in seconds."""
+    return time.sec + time.nanosec * 1e-9
+
+
+def stamp(moment: float) -> Any:
+    """Seconds since the epoch as a builtin_interfaces/Time."""
+    return Time(nanoseconds=round(moment * 1e9)).to_msg()

@@ -1,0 +1,50 @@
+"""The last node before the robot: trajectories in, servo packets out, measured joint states back."""
+
+import threading
+import time
+from contextlib import ExitStack
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from gesture_bot.base.errors import BusError
+from gesture_bot.nodes.messages import trajectory_from
+from gesture_bot.nodes.node import PLAN, GestureNode, stamp
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.virtual_bus import VirtualBus
+
+
+class ServoDriver(GestureNode):
+    """Runs the servo bus in a thread of its own, so that no other node of the process makes it wait."""
+
+    def __init__(self, name: str = "servo_driver", **options: Any):
+        super().__init__(name, **options)
+        robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
+        port = self.parameter("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)")
+        rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
+        self._joints = list(robot.joints)
+        self._states = self.create_publisher(JointState, "joint_states", PLAN)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
+        self._resources = ExitStack()
+        if port == "virtual":
+            port = self._resources.enter_context(VirtualBus(robot)).port
+        self._driver = Driver(robot, port, rate)
+        self._driver.start()
+        self._period = 1.0 / rate
+        self._stopping = threading.Event()
+        self._loop = threading.Thread(target=self._run, daemon=True)
+        self._loop.start()
+        self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
+        self.every(1.0, self._report)
+        self.waits_for("joint_trajectory; holds until then")
+
+    def destroy_node(self) -> None:
+        """Bring the robot to rest and treat the servos' torque as the robot's file says."""
+        self._stopping.set()
+        self._loop.join()
+        self._driver.close()
+        self._resources.close()
+        super().destroy_node()

@@ -1,0 +1,95 @@
+"""Starts one node in a process of its own, or the whole graph in one process."""
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from gesture_bot.base.errors import GestureBotError, InvalidValueError
+from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
+
+try:
+    from rclpy.experimental.events_executor import EventsExecutor as Executor
+except ImportError:
+    Executor = SingleThreadedExecutor
+
+
+def start_node(name: str) -> int:
+    """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
+    return _spin([node for node in NODES if node.name == name], {}, sys.argv)
+
+
+def run_graph(arguments: Sequence[str]) -> int:
+    """Run every node in this process until it is told to stop.
+
+    Args:
+        arguments: NAME:=VALUE strings, the same names that the launch file takes.
+
+    Returns:
+        The exit status: 0, or 1 after an error, which is printed in one line.
+    """
+    # Nothing listens beyond this machine unless asked; a robot's port is nobody else's business.
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        values = parse_arguments(arguments)
+    except GestureBotError as error:
+        return _report(error)
+    return _spin(NODES, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
+
+
+def parse_arguments(arguments: Sequence[str]) -> dict[str, str | int]:
+    """The values of NAME:=VALUE strings, each of its argument's type.
+
+    Raises:
+        InvalidValueError: Not NAME:=VALUE, an unknown name, or a value of another type.
+    """
+    known = {argument.name: argument for argument in (*ARGUMENTS, NAMESPACE)}
+    values: dict[str, str | int] = {}
+    for text in arguments:
+        name, separator, value = text.partition(":=")
+        if not separator:
+            raise InvalidValueError("an argument is written NAME:=VALUE", text, known)
+        if name not in known:
+            raise InvalidValueError("unknown argument", name, known)
+        try:
+            values[name] = type(known[name].default)(value)
+        except ValueError:
+            raise InvalidValueError(f"argument {name} takes a whole number", value) from None
+    return values
+
+
+def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
+    rclpy.init(args=args)
+    executor = Executor()
+    running = []
+    try:
+        for node in nodes:
+            module = importlib.import_module(f"gesture_bot.nodes.{node.name}")
+            overrides = [Parameter(name, value=values[name]) for name in node.arguments if name in values]
+            running.append(
+                getattr(module, node.class_name)(
+                    node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides
+                )
+            )
+            executor.add_node(running[-1])
+        executor.spin()
+    except GestureBotError as error:
+        return _report(error)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # The bus first: it was built last, and brings the robot to rest while the others still stand.
+        for node in reversed(running):
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _report(error: GestureBotError) -> int:
+    print(f"gesture-bot: {error}", file=sys.stderr)
+    return 1

@@ -1,0 +1,173 @@
+"""The database file: what is written is what is read, and damage is named."""
+
+import json
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from gesture_bot.base.errors import FileFormatError, InvalidValueError
+from gesture_bot.base.keypoints import KEYPOINTS
+from gesture_bot.corpus import database
+from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
+from gesture_bot.corpus.recordings import Recording, build_database
+
+ARRAYS = ("keypoints", "features", "starts", "emotion", "recording")
+
+
+def recording(frames: int, emotion: str) -> Recording:
+    generator = np.random.default_rng(frames)
+    return Recording(
+        f"{emotion} {frames}",
+        generator.normal(size=(frames, len(KEYPOINTS), 3)).astype(np.float32),
+        generator.normal(size=(frames, 28)).astype(np.float32),
+        emotion,
+    )
+
+
+@pytest.fixture
+def built() -> Database:
+    return build_database(
+        [recording(200, "happy"), recording(30, "sad"), recording(64, "happy")],
+        {"licence": "CC0", "seed": "7"},
+    )
+
+
+def test_sequences_cover_each_recording_and_keep_their_future(built):
+    assert built.starts.tolist() == [0, 64, 128, 136, 214, 292]
+    assert built.recording.tolist() == [0, 0, 0, 0, 1, 2]
+    assert [built.emotions[i] for i in built.emotion] == ["happy"] * 4 + ["sad", "happy"]
+    assert len(built.keypoints) == 200 + SEQUENCE + SEQUENCE + 3 * LOOKAHEAD
+    assert built.starts.max() + SEQUENCE + LOOKAHEAD == len(built.keypoints)
+
+
+def test_ends_of_recordings_are_held(built):
+    np.testing.assert_array_equal(built.keypoints[200:214], np.repeat(built.keypoints[199:200], 14, axis=0))
+    np.testing.assert_array_equal(
+        built.features[214 + 30 : 292], np.repeat(built.features[243:244], 48, axis=0)
+    )
+
+
+def test_round_trip(built, tmp_path):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    loaded = Database.load(path)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(built, name))
+    assert loaded.emotions == built.emotions
+    assert loaded.metadata == {"licence": "CC0", "seed": "7"}
+
+
+def test_loading_maps_the_file(built, tmp_path):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    loaded = Database.load(path)
+    for name in ARRAYS:
+        base = getattr(loaded, name)
+        while isinstance(base, np.ndarray) and not isinstance(base, np.memmap):
+            base = base.base
+        assert isinstance(base, np.memmap)
+        assert not getattr(loaded, name).flags.writeable
+
+
+def test_the_same_database_is_the_same_file(built, tmp_path):
+    built.save(tmp_path / "a.safetensors")
+    built.save(tmp_path / "b.safetensors")
+    assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
+
+
+def test_a_missing_file_and_a_file_of_text_are_named(tmp_path):
+    with pytest.raises(FileFormatError, match="nowhere.safetensors"):
+        Database.load(tmp_path / "nowhere.safetensors")
+    (tmp_path / "text.safetensors").write_text("Not a database, but a letter to a friend.")
+    with pytest.raises(FileFormatError, match="text.safetensors"):
+        Database.load(tmp_path / "text.safetensors")
+
+
+@pytest.mark.parametrize("kept", [0, 5, 100, 10_000, -1])
+def test_a_truncated_file_is_refused(built, tmp_path, kept):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(FileFormatError, match="own.safetensors"):
+        Database.load(path)
+
+
+def test_damage_anywhere_in_the_header_is_found(built, tmp_path):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    content = path.read_bytes()
+    for position in range(8 + int.from_bytes(content[:8], "little")):
+        if content[position] != ord(" "):
+            path.write_bytes(content[:position] + bytes([content[position] ^ 1]) + content[position + 1 :])
+            with pytest.raises(FileFormatError, match="own.safetensors"):
+                Database.load(path)
+
+
+def test_a_changed_byte_is_found(built, tmp_path):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    content = bytearray(path.read_bytes())
+    content[-1000] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match="checksum"):
+        Database.load(path)
+
+
+def test_changed_labels_are_found(built, tmp_path):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    path.write_bytes(path.read_bytes().replace(b"happy", b"angry"))
+    with pytest.raises(FileFormatError, match="checksum"):
+        Database.load(path)
+
+
+def test_another_version_is_named(built, tmp_path, monkeypatch):
+    path = tmp_path / "own.safetensors"
+    with monkeypatch.context() as older:
+        older.setattr(database, "VERSION", 0)
+        built.save(path)
+    with pytest.raises(FileFormatError, match="version .*: 0; valid: 1"):
+        Database.load(path)
+
+
+def test_another_skeleton_is_named(built, tmp_path, monkeypatch):
+    path = tmp_path / "own.safetensors"
+    with monkeypatch.context() as other:
+        other.setattr(database, "KEYPOINTS", tuple(reversed(KEYPOINTS)))
+        built.save(path)
+    with pytest.raises(FileFormatError, match="skeleton"):
+        Database.load(path)
+
+
+def test_another_safetensors_file_is_refused(tmp_path):
+    path = tmp_path / "weights.safetensors"
+    save_file({"weights": np.zeros(3)}, path, {"format": json.dumps("pt")})
+    with pytest.raises(FileFormatError, match="gesture_bot database"):
+        Database.load(path)
+
+
+def test_an_interrupted_write_leaves_the_old_file(built, tmp_path, monkeypatch):
+    path = tmp_path / "own.safetensors"
+    built.save(path)
+    before = path.read_bytes()
+
+    def half_written(arrays, temporary, header):
+        temporary.write_bytes(before[:1000])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(database, "save_file", half_written)
+    with pytest.raises(KeyboardInterrupt):
+        built.save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_recordings_that_do_not_fit_are_named():
+    good = recording(100, "happy")
+    with pytest.raises(InvalidValueError, match=r"features of short.*\(90, 28\).*\(100, F\)"):
+        build_database([Recording("short", good.keypoints, good.features[:90], "happy")], {})
+    with pytest.raises(InvalidValueError, match="holed holds numbers that are not finite"):
+        build_database([Recording("holed", good.keypoints * np.nan, good.features, "happy")], {})
+    with pytest.raises(InvalidValueError, match="no recording"):
+        build_database([], {})
