@@ -1,6 +1,7 @@
 """Joint trajectories without ROS: the plain form of trajectory_msgs/JointTrajectory."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -34,8 +35,11 @@ class JointTrajectory:
         if len(self.times) == 1:
             positions = np.broadcast_to(self.positions[0], (*np.shape(seconds), len(self.joints)))
             return positions.copy(), np.zeros_like(positions)
-        # Times since the epoch lose digits in the cubic's coefficients: count from the first point.
-        spline = CubicHermiteSpline(self.times - self.times[0], self.positions, self.velocities)
-        positions, velocities = spline(inside - self.times[0]), spline(inside - self.times[0], 1)
-        outside = np.asarray((inside != seconds))[..., None]
-        return positions, np.where(outside, 0.0, velocities)
+        # Times since the epoch lose digits in the cubic's coefficients: they count from the first point.
+        since = inside - self.times[0]
+        outside = np.asarray(inside != seconds)[..., None]
+        return self._spline(since), np.where(outside, 0.0, self._spline(since, 1))
+
+    @cached_property
+    def _spline(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.times - self.times[0], self.positions, self.velocities)

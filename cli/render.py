@@ -52,14 +52,14 @@ def render(
     robot = load_robot(robot_name)
     selector = Selector(
         Database.load(demo_database() if database == "demo" else Path(database)),
-        load_banks(),
-        load_emotions(),
+        emotions=load_emotions(),
+        gestures=load_banks(),
         seed=seed,
     )
     selector.set_emotion(emotion)
     keypoints, trajectory = motion(speech_features(samples), selector, Retargeter(robot))
     if output.suffix == ".bvh":
-        write_bvh(output, keypoints)
+        write_bvh(output, keypoints, FRAME_RATE)
     elif output.suffix == ".csv":
         write_joint_csv(output, trajectory.joints, trajectory.times, trajectory.positions)
     else:

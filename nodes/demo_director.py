@@ -3,10 +3,10 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.executors import Executor
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
@@ -55,16 +55,20 @@ class DemoDirector(Recorder):
                 quantity=Constraint.WRIST_HEIGHT, hand=Constraint.LEFT, value=85.0, unit=Constraint.PERCENTILE
             )
             self._control.publish(Control(constraints=[high] if left_high else []))
-            spoken = sum(heard.message.last for heard in self.record.audio)
+            spoken = self._utterances()
             self._say.publish(String(data=text))
             if line == TAKEN:
                 yield from self._take_left_arm(1.5, 4.0)
-            yield from self._until(
-                lambda spoken=spoken: sum(heard.message.last for heard in self.record.audio) > spoken, 30.0
-            )
-            end = self.record.audio[-1].stamp
-            yield from self._until(lambda end=end: self.now() > end + 0.7, 30.0)
+            yield from self._until(partial(self._spoken_more_than, spoken), 30.0)
+            yield from self._wait(self.record.audio[-1].stamp + 0.7 - self.now())
         yield from self._wait(1.5)
+
+    def _utterances(self) -> int:
+        """How many utterances are out to their end."""
+        return sum(heard.message.last for heard in self.record.audio)
+
+    def _spoken_more_than(self, utterances: int) -> bool:
+        return self._utterances() > utterances
 
     def _graph_stands(self) -> bool:
         return bool(self.record.joint_states and self.record.refined and self._say.get_subscription_count())
@@ -89,7 +93,7 @@ class DemoDirector(Recorder):
 
     def _wait(self, length: float) -> Iterator[None]:
         end = self.now() + length
-        yield from self._until(lambda: self.now() >= end, length + 1.0)
+        yield from self._until(lambda: self.now() >= end, max(length, 0.0) + 1.0)
 
     def _until(self, condition: Callable[[], bool], limit: float) -> Iterator[None]:
         give_up = time.monotonic() + limit
@@ -98,13 +102,3 @@ class DemoDirector(Recorder):
                 raise GestureBotError("the graph did not answer within", f"{limit:g} s")
             yield
 
-
-def spin_while_playing(director: DemoDirector, executor: Executor, on_step: Callable[[], None]) -> None:
-    """Spin until the director's script has ended, calling `on_step` about 20 times a second."""
-    executor.add_node(director)
-    next_step = 0.0
-    for _ in director.play():
-        executor.spin_once(timeout_sec=0.02)
-        if time.monotonic() > next_step:
-            next_step = time.monotonic() + 0.05
-            on_step()

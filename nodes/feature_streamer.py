@@ -3,12 +3,13 @@
 from typing import Any
 
 import numpy as np
+import soxr
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import first_frame_after, frame_time
 from gesture_bot.msg import Audio, SpeechFeatures
 from gesture_bot.nodes.node import STREAM, GestureNode, seconds, stamp
-from gesture_bot.speech.audio import SAMPLE_RATE, StreamResampler
+from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import FeatureStream
 
 
@@ -29,7 +30,7 @@ class FeatureStreamer(GestureNode):
         utterance = (audio.header.frame_id, audio.utterance)
         if utterance != self._utterance:
             self._begin(audio, utterance)
-        samples = self._resampler.push(samples, last=audio.last)
+        samples = self._resampler.resample_chunk(samples, last=audio.last)
         skipped = min(self._skip, len(samples))
         self._skip -= skipped
         self._publish(self._stream.push(samples[skipped:]))
@@ -43,7 +44,7 @@ class FeatureStreamer(GestureNode):
         self._frame = first_frame_after(heard)
         # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
         self._skip = max(0, round((frame_time(self._frame) - heard) * SAMPLE_RATE))
-        self._resampler = StreamResampler(audio.sample_rate)
+        self._resampler = soxr.ResampleStream(audio.sample_rate, SAMPLE_RATE, 1, dtype="float32")
         self._stream = FeatureStream()
 
     def _publish(self, frames: np.ndarray) -> None:

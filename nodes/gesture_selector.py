@@ -1,7 +1,7 @@
 """Speech features, keywords, emotion and control in; gesture windows of the database out."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from gesture_bot.corpus.demo import demo_database
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.emotions import load_emotions
-from gesture_bot.matching.search import PRESELECTIONS
+from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
+from gesture_bot.msg import Constraint as ConstraintMessage
 from gesture_bot.msg import Control, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
 from gesture_bot.nodes.messages import clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds, stamp
@@ -29,17 +30,16 @@ class GestureSelector(GestureNode):
             "k", 1, "Which of the best matches is taken: 1 the best, more for variety", bounds=(1, 15)
         )
         preselection = self.parameter(
-            "preselection", "pose", "What is searched first (MM22 section 4.1)", choices=PRESELECTIONS
+            "preselection", "pose", "What is searched first (MM22 section 4.1)", choices=get_args(Preselection)
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
         self._delay = self.parameter(
             "delay", 0.0, "How much later than the sound the motion is made; a microphone needs 1.8 [s]", bounds=(0.0, 5.0)
         )
-        emotions = load_emotions()
         self._selector = Selector(
             Database.load(demo_database() if database == "demo" else Path(database)),
-            load_banks(),
-            emotions,
+            emotions=load_emotions(),
+            gestures=load_banks(),
             k=k,
             preselection=preselection,
             seed=seed,
@@ -47,7 +47,7 @@ class GestureSelector(GestureNode):
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
-        self._expression, self._constraints = emotion, []
+        self._constraints: list[ConstraintMessage] = []
         self._publish_state()
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
@@ -81,15 +81,19 @@ class GestureSelector(GestureNode):
     def _plan(self) -> None:
         for window in self._selector.plan(self.now()):
             self._windows.publish(_message(window))
+        if self._selector.late != self._late:
+            self._publish_state()
 
     def _publish_state(self) -> None:
         state = SelectorState(
             expression=self._selector.emotion,
             constraints=self._constraints,
-            relaxed=list(self._selector.relaxed),
+            relaxed=self._selector.relaxed,
             eligible=self._selector.eligible,
             delay=self._delay,
+            late=self._selector.late,
         )
+        self._late = state.late
         state.header.stamp = stamp(self.now())
         self._states.publish(state)
 

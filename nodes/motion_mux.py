@@ -1,13 +1,15 @@
 """Decides who moves each joint: gesture or operator; a stop outranks both and latches."""
 
+from collections.abc import Callable
 from typing import Any
 
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from gesture_bot.msg import JointOwners
 from gesture_bot.nodes.messages import trajectory_from, trajectory_to
-from gesture_bot.nodes.node import PLAN, STATE, GestureNode
+from gesture_bot.nodes.node import PLAN, STATE, GestureNode, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo import mux
 
@@ -18,20 +20,16 @@ class MotionMux(GestureNode):
     def __init__(self, name: str = "motion_mux", **options: Any):
         super().__init__(name, **options)
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
-        timeout = self.parameter(
-            "teleop_timeout", 0.5, "Silence after which teleoperation gives its joints back [s]", bounds=(0.05, 60.0)
-        )
-        self._mux = mux.MotionMux(robot.joints, robot.rest, teleop_timeout=timeout)
-        self._owners = ""
+        self._mux = mux.MotionMux(robot.joints, robot.rest)
+        self._owners: dict[str, str] = {}
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", PLAN)
-        self._mode = self.create_publisher(String, "motion_mux/owner", STATE)
-
-        for source in ("gesture", "teleop"):
-            self._follow(source)
+        self._owners_publisher = self.create_publisher(JointOwners, "motion_mux/owners", STATE)
+        for source in (mux.GESTURE, mux.TELEOP):
+            self._follow(source.name)
         self.listen(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data), STATE)
         self.listen(Bool, "stop", self._on_stop, PLAN)
-        self.create_service(Trigger, "stop", self._stop_service)
-        self.create_service(Trigger, "reset", self._reset_service)
+        self.create_service(Trigger, "stop", self._answer(self._mux.stop, "stopped until `reset`"))
+        self.create_service(Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on"))
         self.every(0.02, self._tick)
         self.waits_for("trajectories on gesture/joint_trajectory and teleop/joint_trajectory")
 
@@ -44,11 +42,22 @@ class MotionMux(GestureNode):
 
     def _on_stop(self, message: Bool) -> None:
         if message.data:
-            self._stop_service(None, None)
+            self._mux.stop()
+
+    def _answer(self, act: Callable[[], None], outcome: str) -> Callable[..., Trigger.Response]:
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            act()
+            self.get_logger().info(outcome)
+            response.success, response.message = True, outcome
+            return response
+
+        return answer
 
     def _tick(self) -> None:
         self._commands.publish(trajectory_to(self._mux.tick(self.now())))
         owners = self._mux.owners
         if owners != self._owners:
             self._owners = owners
-            self._mode.publish(String(data=owners))
+            message = JointOwners(joints=list(owners), owners=list(owners.values()))
+            message.header.stamp = stamp(self.now())
+            self._owners_publisher.publish(message)

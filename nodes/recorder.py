@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from gesture_bot.msg import Audio, GestureWindow, Keyword, SelectorState, SpeechFeatures, Word
+from gesture_bot.msg import Audio, GestureWindow, JointOwners, Keyword, SelectorState, SpeechFeatures, Word
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds
 
 
@@ -61,7 +60,7 @@ class Recorder(GestureNode):
             (GestureWindow, "gesture/refined", self.record.refined, PLAN),
             (JointTrajectory, "gesture/joint_trajectory", self.record.trajectories, PLAN),
             (JointTrajectory, "joint_trajectory", self.record.commands, PLAN),
-            (String, "motion_mux/owner", self.record.owners, STATE),
+            (JointOwners, "motion_mux/owners", self.record.owners, STATE),
             (JointState, "joint_states", self.record.joint_states, STREAM),
             (DiagnosticArray, "/diagnostics", self.record.diagnostics, PLAN),
         ):

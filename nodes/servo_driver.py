@@ -13,7 +13,7 @@ from gesture_bot.base.errors import BusError
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, GestureNode, stamp
 from gesture_bot.retarget.robot import load_robot
-from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.driver import Driver, Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
 
 
@@ -48,3 +48,62 @@ class ServoDriver(GestureNode):
         self._driver.close()
         self._resources.close()
         super().destroy_node()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stopping.wait(max(0.0, due - time.monotonic())):
+            try:
+                feedback = self._driver.tick(self.now())
+            except BusError as error:
+                self.get_logger().error(str(error), throttle_duration_sec=1.0)
+            else:
+                self._publish(feedback)
+            # A late cycle is not made up for: the next one is due a period from now.
+            due = max(due + self._period, time.monotonic())
+
+    def _publish(self, feedback: Feedback) -> None:
+        state = JointState(
+            name=self._joints,
+            position=feedback.positions.tolist(),
+            velocity=feedback.velocities.tolist(),
+            effort=feedback.efforts.tolist(),
+        )
+        state.header.stamp = stamp(feedback.stamp)
+        self._states.publish(state)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        self._driver.set_trajectory(trajectory_from(message, self.now()))
+
+    def _report(self) -> None:
+        status = self._driver.status
+        held = status.interventions
+        bus = DiagnosticStatus(
+            name="gesture_bot: servo bus",
+            level=DiagnosticStatus.ERROR if status.silent else DiagnosticStatus.OK,
+            message=f"no answer from {', '.join(status.silent)}; the robot holds" if status.silent else "running",
+            values=_values(
+                cycles=status.cycles,
+                late_cycles=status.late_cycles,
+                read_failures=status.read_failures,
+                watchdog_stops=status.watchdog_stops,
+                held_back_position=held.position,
+                held_back_velocity=held.velocity,
+                held_back_acceleration=held.acceleration,
+            ),
+        )
+        servos = [
+            DiagnosticStatus(
+                name=f"gesture_bot: servo {joint}",
+                level=DiagnosticStatus.ERROR if health.errors else DiagnosticStatus.OK,
+                message=", ".join(health.errors) or "healthy",
+                values=_values(temperature_degc=health.temperature, voltage_v=health.voltage),
+            )
+            for joint, health in list(status.health.items())
+        ]
+        message = DiagnosticArray(status=[bus, *servos])
+        message.header.stamp = stamp(self.now())
+        self._diagnostics.publish(message)
+
+
+def _values(**values: float) -> list[KeyValue]:
+    return [KeyValue(key=key, value=str(value)) for key, value in values.items()]

@@ -2,8 +2,7 @@
 
 import queue
 import threading
-from collections.abc import Iterable
-from pathlib import Path
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,19 @@ from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import first_frame_after, frame_time
 from gesture_bot.msg import Audio
 from gesture_bot.msg import Word as WordMessage
-from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, stamp
+from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, seconds, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
-from gesture_bot.speech.voice import Word, load_voice
+from gesture_bot.speech.voice import Utterance, Voice, load_voice
 
 PIECE = SAMPLE_RATE // 10
 """Samples in one message: 100 ms."""
 
 GRAPH = ("speech/audio", "speech/features", "gesture/selected", "gesture/refined", "gesture/joint_trajectory")
 """Topics that need a listener before something that is played once may begin."""
+
+
+LAST_RETRACTION = 1.5
+"""From the end of what is played once to the end of the graph, time for the arms to come down [s]."""
 
 
 class SpeechSource(GestureNode):
@@ -40,74 +43,58 @@ class SpeechSource(GestureNode):
         )
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
+        self._utterances: queue.SimpleQueue[Utterance] = queue.SimpleQueue()
+        self._pieces: deque[Audio] = deque()
         self._utterance = 0
         self._free_at = 0.0
-        self._stopping = threading.Event()
-        self._texts: queue.SimpleQueue[str] = queue.SimpleQueue()
 
-        # Synthesis and pacing take their time: they have a thread, so that no other node waits.
-        if text or speech == "say":
-            self._voice = load_voice(voice)
+        self._once = bool(text) or speech != "say"
         if text:
-            work = threading.Thread(target=self._play_once, args=(lambda: self._speak(text),), daemon=True)
-        elif speech == "say":
-            self.listen(String, "say", lambda message: self._texts.put(message.data), PLAN)
-            work = threading.Thread(target=self._speak_on_demand, daemon=True)
+            self._utterances.put(load_voice(voice).speak(text))
+        elif speech != "say":
+            self._utterances.put(Utterance(load_audio(speech), ()))
         else:
-            samples = load_audio(Path(speech))
-            work = threading.Thread(target=self._play_once, args=(lambda: self._play(samples, ()),), daemon=True)
-        self._work = work
-        work.start()
-        self.waits_for("text on `say`" if speech == "say" and not text else "the rest of the graph")
+            self._texts: queue.SimpleQueue[str] = queue.SimpleQueue()
+            self.listen(String, "say", lambda message: self._texts.put(message.data), PLAN)
+            # Synthesis has a thread, so that no other node of the process waits for it.
+            threading.Thread(target=self._synthesise, args=(load_voice(voice),), daemon=True).start()
+        self.every(0.02, self._pace)
+        self.waits_for("the rest of the graph" if self._once else "text on say")
 
-    def destroy_node(self) -> None:
-        """Stop speaking at once."""
-        self._stopping.set()
-        self._work.join(timeout=1.0)
-        super().destroy_node()
-
-    def _speak_on_demand(self) -> None:
-        while not self._stopping.is_set():
+    def _synthesise(self, voice: Voice) -> None:
+        voice.speak("ready")  # the first text loads dictionaries
+        while True:
             try:
-                self._speak(self._texts.get(timeout=0.1))
-            except queue.Empty:
-                pass
+                self._utterances.put(voice.speak(self._texts.get()))
             except GestureBotError as error:
                 self.get_logger().error(f"say: {error}")
 
-    def _play_once(self, play: Any) -> None:
-        while not all(self.count_subscribers(topic) for topic in GRAPH):
-            if self._stopping.wait(0.05):
-                return
-        try:
-            play()
-        except GestureBotError as error:
-            self.get_logger().error(str(error))
-        # Leave time for the last retraction.
-        self._stopping.wait(self._free_at - self.now() + 1.5)
-        self.context.try_shutdown()
+    def _pace(self) -> None:
+        """Publish what is due; what is played once waits for the graph, and ends it."""
+        if self._once and not self._utterance and not all(map(self.count_subscribers, GRAPH)):
+            return
+        while not self._utterances.empty():
+            self._begin(self._utterances.get())
+        now = self.now()
+        while self._pieces and seconds(self._pieces[0].header.stamp) - self._lead <= now:
+            self._audio.publish(self._pieces.popleft())
+        if self._once and now > self._free_at + LAST_RETRACTION:
+            self.context.try_shutdown()
 
-    def _speak(self, text: str) -> None:
-        utterance = self._voice.speak(text)
-        self._play(utterance.samples, utterance.words)
-
-    def _play(self, samples: np.ndarray, words: Iterable[Word]) -> None:
-        """Publish words at once and sound `lead` seconds ahead; returns when the last piece is out."""
+    def _begin(self, utterance: Utterance) -> None:
+        """Put an utterance behind those before it; its words are published at once."""
         start = frame_time(first_frame_after(max(self.now() + self._start_delay, self._free_at)))
-        self._free_at = start + len(samples) / SAMPLE_RATE
-        for word in words:
-            message = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
-            message.header.stamp = stamp(start + word.start)
-            message.stress = word.stress - word.start
-            self._words.publish(message)
+        self._free_at = start + len(utterance.samples) / SAMPLE_RATE
         self._utterance += 1
-        for first in range(0, len(samples), PIECE):
-            heard = start + first / SAMPLE_RATE
-            if self._stopping.wait(max(0.0, heard - self._lead - self.now())):
-                return
-            message = Audio(utterance=self._utterance, sample_rate=SAMPLE_RATE)
-            message.header.stamp = stamp(heard)
-            message.header.frame_id = "voice"
-            message.samples.frombytes(samples[first : first + PIECE].astype(np.float32).tobytes())
-            message.last = first + PIECE >= len(samples)
-            self._audio.publish(message)
+        for word in utterance.words:
+            spoken = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
+            spoken.header.stamp = stamp(start + word.start)
+            spoken.stress = word.stress - word.start
+            self._words.publish(spoken)
+        for first in range(0, len(utterance.samples), PIECE):
+            piece = Audio(utterance=self._utterance, sample_rate=SAMPLE_RATE)
+            piece.header.stamp = stamp(start + first / SAMPLE_RATE)
+            piece.header.frame_id = "voice"
+            piece.samples.frombytes(utterance.samples[first : first + PIECE].astype(np.float32).tobytes())
+            piece.last = first + PIECE >= len(utterance.samples)
+            self._pieces.append(piece)

@@ -13,12 +13,6 @@ from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
 
-try:
-    from rclpy.experimental.events_executor import EventsExecutor as Executor
-except ImportError:
-    Executor = SingleThreadedExecutor
-
-
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
     return _spin([node for node in NODES if node.name == name], {}, sys.argv)
@@ -64,8 +58,9 @@ def parse_arguments(arguments: Sequence[str]) -> dict[str, str | int]:
 
 
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
-    rclpy.init(args=args)
-    executor = Executor()
+    rclpy.init(args=list(args))
+    # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
+    executor = SingleThreadedExecutor()
     running = []
     try:
         for node in nodes:

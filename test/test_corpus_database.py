@@ -11,6 +11,7 @@ from gesture_bot.base.keypoints import KEYPOINTS
 from gesture_bot.corpus import database
 from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.corpus.recordings import Recording, build_database
+from gesture_bot.speech.features import SILENCE_FEATURES
 
 ARRAYS = ("keypoints", "features", "starts", "emotion", "recording")
 
@@ -41,11 +42,9 @@ def test_sequences_cover_each_recording_and_keep_their_future(built):
     assert built.starts.max() + SEQUENCE + LOOKAHEAD == len(built.keypoints)
 
 
-def test_ends_of_recordings_are_held(built):
+def test_the_speaker_holds_still_in_silence_after_a_recording(built):
     np.testing.assert_array_equal(built.keypoints[200:214], np.repeat(built.keypoints[199:200], 14, axis=0))
-    np.testing.assert_array_equal(
-        built.features[214 + 30 : 292], np.repeat(built.features[243:244], 48, axis=0)
-    )
+    np.testing.assert_array_equal(built.features[244:292], np.tile(SILENCE_FEATURES, (48, 1)))
 
 
 def test_round_trip(built, tmp_path):
@@ -82,6 +81,14 @@ def test_a_missing_file_and_a_file_of_text_are_named(tmp_path):
     (tmp_path / "text.safetensors").write_text("Not a database, but a letter to a friend.")
     with pytest.raises(FileFormatError, match="text.safetensors"):
         Database.load(tmp_path / "text.safetensors")
+    with pytest.raises(FileFormatError, match=tmp_path.name):
+        Database.load(tmp_path)
+
+
+def test_a_place_that_cannot_be_written_is_named(built, tmp_path):
+    (tmp_path / "occupied").write_text("")
+    with pytest.raises(FileFormatError, match="occupied"):
+        built.save(tmp_path / "occupied" / "own.safetensors")
 
 
 @pytest.mark.parametrize("kept", [0, 5, 100, 10_000, -1])
@@ -165,7 +172,7 @@ def test_an_interrupted_write_leaves_the_old_file(built, tmp_path, monkeypatch):
 
 def test_recordings_that_do_not_fit_are_named():
     good = recording(100, "happy")
-    with pytest.raises(InvalidValueError, match=r"features of short.*\(90, 28\).*\(100, F\)"):
+    with pytest.raises(InvalidValueError, match=r"features of short.*\(90, 28\).*\(100, 28\)"):
         build_database([Recording("short", good.keypoints, good.features[:90], "happy")], {})
     with pytest.raises(InvalidValueError, match="holed holds numbers that are not finite"):
         build_database([Recording("holed", good.keypoints * np.nan, good.features, "happy")], {})

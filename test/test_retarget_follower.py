@@ -24,7 +24,9 @@ def largest_excess(positions, velocities):
     moment = np.clip(-velocities[:-1] / np.where(accelerations == 0, 1, accelerations), 0, DT)
     between = positions[:-1] + moment * velocities[:-1] + 0.5 * moment**2 * accelerations
     inside = np.concatenate([positions, between])
-    np.testing.assert_allclose(np.diff(positions, axis=0), DT * (velocities[1:] + velocities[:-1]) / 2, atol=1e-12)
+    np.testing.assert_allclose(
+        np.diff(positions, axis=0), DT * (velocities[1:] + velocities[:-1]) / 2, atol=1e-12
+    )
     return {
         "position": max((LIMITS.lower - inside).max(), (inside - LIMITS.upper).max()),
         "velocity": (np.abs(velocities) - LIMITS.velocity).max(),
@@ -45,9 +47,14 @@ def adversarial_targets(steps, rng):
             phase = 1e-3 * (step % 500) ** 2 * np.linspace(0.1, 3, 12)
             position, velocity = 3 * np.sin(phase), 3 * np.cos(phase)
         elif kind == 3:
-            position, velocity = np.where(rng.random(12) < 0.5, LIMITS.lower, LIMITS.upper), rng.normal(0, 9, 12)
+            position, velocity = (
+                np.where(rng.random(12) < 0.5, LIMITS.lower, LIMITS.upper),
+                rng.normal(0, 9, 12),
+            )
         elif kind == 4:
             position = MIDDLE + rng.normal(0, 1e-6, 12)
+        if step % 997 == 0:
+            position, velocity = rng.choice([-1, 1], (2, 12)) * 1e308
         yield position, velocity
 
 
@@ -79,7 +86,9 @@ def test_a_smooth_feasible_target_is_met_without_lag():
     rate = 0.5 * np.minimum(LIMITS.velocity, LIMITS.acceleration)
     targets, target_velocities = 0.1 * np.sin(rate * times), 0.1 * rate * np.cos(rate * times)
     follower = Follower(LIMITS, DT, np.zeros(12), 0.1 * rate)
-    positions = np.array([follower.step(*target)[0] for target in zip(targets, target_velocities, strict=True)])
+    positions = np.array(
+        [follower.step(*target)[0] for target in zip(targets, target_velocities, strict=True)]
+    )
     assert np.abs(positions - targets).max() < 1e-4
 
 

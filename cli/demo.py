@@ -1,0 +1,104 @@
+"""`gesture-bot demo`: the graph in simulation, steered by a script, shown live and drawn afterwards."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from gesture_bot.base.errors import GestureBotError
+from gesture_bot.base.keypoints import INDEX
+from gesture_bot.cli.demo_files import write_demo_files
+from gesture_bot.cli.words import constraint_in_words
+from gesture_bot.corpus.demo import demo_database
+from gesture_bot.nodes.demo_director import DemoDirector
+from gesture_bot.nodes.messages import clip_from
+from gesture_bot.nodes.recorder import Record
+from gesture_bot.retarget.robot import load_robot
+
+REFRESH = 0.1
+"""Time between two pictures of the live table [s]."""
+
+
+def run_demo(output: Path) -> int:
+    """Run the demo and write its files; the exit status.
+
+    Raises:
+        GestureBotError: The graph did not start, or ended early.
+    """
+    console = Console()
+    demo_database()  # on first use this takes a while, and shows its progress
+    robot = load_robot("toa")
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
+    rclpy.init()
+    director = DemoDirector(robot)
+    executor = SingleThreadedExecutor()
+    executor.add_node(director)
+    try:
+        with running_graph() as graph, Live(console=console, auto_refresh=False) as live:
+            drawn = 0.0
+            for _ in director.play():
+                executor.spin_once(timeout_sec=0.02)
+                if graph.poll() is not None:
+                    raise GestureBotError("the graph ended early; exit status", graph.returncode)
+                if time.monotonic() - drawn > REFRESH:
+                    drawn = time.monotonic()
+                    live.update(_table(director.record, director.now()), refresh=True)
+    finally:
+        director.destroy_node()
+        rclpy.try_shutdown()
+    console.print("Drawing what happened.")
+    summary = write_demo_files(output, director.record, robot)
+    results = Table(title=f"{output}/summary.json", title_justify="left", show_header=False)
+    for name, value in summary.items():
+        results.add_row(name, str(value))
+    console.print(results)
+    console.print(f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav.")
+    return 0
+
+
+@contextmanager
+def running_graph(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """`gesture-bot run` in a process of its own, as for every user; its log is shown if it fails."""
+    with tempfile.TemporaryFile() as log:
+        command = [sys.executable, "-m", "gesture_bot.cli.main", "run", *arguments]
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+        try:
+            yield process
+            process.send_signal(signal.SIGINT)
+            process.wait(10)
+        finally:
+            process.kill()
+            if process.wait() != 0:
+                log.seek(0)
+                sys.stderr.write(log.read().decode(errors="replace"))
+
+
+def _table(record: Record, now: float) -> Table:
+    table = Table(show_header=False, width=72)
+    word = next((h.message.text for h in reversed(record.words) if h.stamp <= now), "")
+    window = next((h.message for h in reversed(record.selected) if h.stamp <= now), None)
+    state = record.states[-1].message if record.states else None
+    owners = record.owners[-1].message.owners if record.owners else []
+    table.add_row("word", word)
+    table.add_row("emotion", state.expression if state else "")
+    table.add_row("control", ", ".join(constraint_in_words(c) for c in state.constraints) or "free" if state else "")
+    if window:
+        table.add_row("window", " ".join(filter(None, (window.source, window.name))))
+        left, right = clip_from(window).keypoints[0, [INDEX["left_wrist"], INDEX["right_wrist"]], 2]
+        table.add_row("wrist heights", f"left {left:.2f} m, right {right:.2f} m")
+    table.add_row("moved by", ", ".join(f"{name} ({owners.count(name)} joints)" for name in sorted(set(owners))))
+    table.add_row("measured", f"{len(record.joint_states)} joint states")
+    return table
+

@@ -1,0 +1,68 @@
+"""How long each stage of the graph takes, from what a recorder heard."""
+
+import bisect
+
+import numpy as np
+
+from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.nodes.recorder import Heard, Record
+
+STAGES = ("features", "selection", "refinement", "retargeting", "bus")
+
+
+def stage_latencies(record: Record) -> dict[str, dict[str, float]]:
+    """Median and 99th percentile of each stage's latency [ms].
+
+    A stage's latency is the time from the arrival of the last message that it needed to the arrival of what it
+    made of it: of a frame's features from the sound that completes the frame; of a window from the frame of
+    features that was missing (only for windows that had to wait for one); and so on. `bus` is from a joint
+    trajectory to the first measured joint state after it, so it holds the mux and a bus cycle.
+    """
+    samples = {
+        "features": _features(record),
+        "selection": _selection(record),
+        "refinement": _following(record.selected, record.refined),
+        "retargeting": _following(record.refined, record.trajectories),
+        "bus": _following(record.trajectories, record.joint_states),
+    }
+    return {
+        stage: {
+            "median": round(float(np.median(values)) * 1e3, 3),
+            "p99": round(float(np.percentile(values, 99)) * 1e3, 3),
+            "count": len(values),
+        }
+        for stage, values in samples.items()
+        if values
+    }
+
+
+def _features(record: Record) -> list[float]:
+    """From the piece of sound that holds a frame's end to the frame's features."""
+    ends = [heard.stamp + len(heard.message.samples) / heard.message.sample_rate for heard in record.audio]
+    latencies = []
+    for heard in record.features:
+        piece = bisect.bisect_left(ends, heard.stamp + 1 / FRAME_RATE - 1e-4)
+        if piece < len(ends):
+            latencies.append(heard.arrival - record.audio[piece].arrival)
+    return latencies
+
+
+def _selection(record: Record) -> list[float]:
+    """From the clock tick at which a window is due, `AHEAD` before it is seen, to the window."""
+    return [
+        max(0.0, heard.arrival - (heard.stamp - _AHEAD)) for heard in record.selected if heard.message.source == "speech"
+    ]
+
+
+_AHEAD = 0.8
+
+
+def _following(causes: list[Heard], effects: list[Heard]) -> list[float]:
+    """From each cause to the first effect that arrives after it."""
+    arrivals = [heard.arrival for heard in effects]
+    latencies = []
+    for cause in causes:
+        effect = bisect.bisect_left(arrivals, cause.arrival)
+        if effect < len(arrivals):
+            latencies.append(arrivals[effect] - cause.arrival)
+    return latencies

@@ -1,0 +1,153 @@
+"""The demo corpus: sentences of ours, spoken by the embedded voice, with motion composed for them.
+
+It is composed, not recorded: it makes the package work without a download, and is no measure of how people
+gesture.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from os import cpu_count
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from gesture_bot.base.files import cache_dir
+from gesture_bot.corpus.database import Database
+from gesture_bot.corpus.recordings import Recording, build_database
+from gesture_bot.corpus.sentences import SENTENCES
+from gesture_bot.corpus.styles import Style, varied
+from gesture_bot.corpus.synthesis import gesture
+from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.features import speech_features
+from gesture_bot.speech.voice import Voice, Word, load_voice
+
+ROUNDS = 2
+"""How often every sentence is said, each time in another recording and another variant of its style."""
+
+TOGETHER = (3, 4, 5)
+"""Sentences of one recording, in turn."""
+
+IDLE = 12.0
+"""Length of the silent recording of each emotion [s]."""
+
+UNSTRESSED = frozenset([
+    "a", "about", "am", "an", "and", "are", "as", "at", "be", "been", "before", "but", "by", "can",
+    "cannot", "could", "did", "do", "does", "for", "from", "get", "had", "has", "have", "he", "her",
+    "here", "his", "how", "i", "if", "in", "into", "is", "it", "its", "let", "may", "me", "more", "my",
+    "no", "not", "of", "off", "on", "or", "our", "out", "she", "should", "so", "some", "than", "that",
+    "the", "their", "them", "then", "there", "these", "they", "this", "to", "told", "up", "us", "was",
+    "we", "were", "what", "when", "where", "whether", "which", "who", "will", "with", "would", "you",
+    "your",
+])  # fmt: skip
+"""Words that carry no stroke: mostly function words."""
+
+
+PROVENANCE = {
+    "provenance": "gesture_bot demo corpus: embedded voice, composed motion",
+    "licence": "Apache-2.0",
+}
+
+
+def demo_database() -> Path:
+    """The demo corpus's file, built on first use.
+
+    Two processes that come first build it twice; each puts the same whole file in place.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    path = cache_dir() / f"demo-{_fingerprint()}.safetensors"
+    if not path.exists():
+        demo_corpus(SENTENCES, rounds=ROUNDS).save(path)
+    return path
+
+
+def demo_corpus(
+    sentences: Mapping[str, Sequence[str]], rounds: int = 1, workers: int | None = None, seed: int = 0
+) -> Database:
+    """Speak the sentences of each emotion and gesture to them.
+
+    Args:
+        sentences: Sentences by emotion: labels that corpus/styles.py knows.
+        rounds: How often each is said.
+        workers: Threads, as many as processors by default; the result does not depend on it.
+        seed: Of every choice.
+    """
+    takes = [take for emotion, said in sentences.items() for take in _takes(emotion, said, rounds, seed)]
+    with ThreadPoolExecutor(workers or cpu_count()) as pool:
+        recordings = pool.map(partial(_record, load_voice("embedded")), takes)
+        progress = tqdm(recordings, "building the demo corpus", len(takes), unit="recording")
+        return build_database(progress, {**PROVENANCE, "seed": str(seed)})
+
+
+@dataclass(frozen=True)
+class _Take:
+    """What one recording is made from."""
+
+    name: str
+    emotion: str
+    sentences: tuple[str, ...]
+    style: Style
+    seed: tuple[int, ...]
+
+
+def _takes(emotion: str, sentences: Sequence[str], rounds: int, seed: int) -> list[_Take]:
+    """Split an emotion's sentences into recordings, and add a silent one."""
+    generator = np.random.default_rng([seed, *emotion.encode()])
+    groups: list[tuple[str, ...]] = [()]
+    for _ in range(rounds):
+        left = list(generator.permutation(sentences))
+        while left:
+            count = TOGETHER[len(groups) % len(TOGETHER)]
+            groups.append(tuple(map(str, left[:count])))
+            left = left[count:]
+    styles = varied(emotion, len(groups), seed)
+    return [
+        _Take(f"{emotion} {number}", emotion, group, style, (seed, number, *emotion.encode()))
+        for number, (group, style) in enumerate(zip(groups, styles, strict=True))
+    ]
+
+
+def _record(voice: Voice, take: _Take) -> Recording:
+    generator = np.random.default_rng(take.seed)
+    samples, stresses = _speak(voice, take, generator)
+    features = speech_features(samples)
+    keypoints = gesture(stresses, len(features), take.style, generator)
+    return Recording(take.name, keypoints, features, take.emotion)
+
+
+def _speak(voice: Voice, take: _Take, generator: np.random.Generator) -> tuple[np.ndarray, list[list[float]]]:
+    """Say the sentences with pauses between them: samples, and each sentence's stressed moments [s]."""
+    if not take.sentences:
+        return _silence(IDLE), []
+    said = [_silence(generator.uniform(0.5, 1.0))]
+    stresses = []
+    for sentence in take.sentences:
+        utterance = voice.speak(sentence, take.style.voice)
+        begin = sum(map(len, said)) / SAMPLE_RATE
+        stresses.append([begin + word.stress for word in utterance.words if _carries_stroke(word)])
+        said += [utterance.samples, _silence(generator.uniform(0.3, 0.8) / take.style.voice)]
+    said.append(_silence(generator.uniform(1.0, 3.0)))
+    return np.concatenate(said), stresses
+
+
+def _silence(seconds: float) -> np.ndarray:
+    return np.zeros(round(seconds * SAMPLE_RATE), np.float32)
+
+
+def _carries_stroke(word: Word) -> bool:
+    return word.text.lower() not in UNSTRESSED
+
+
+def _fingerprint() -> str:
+    """What the corpus is made from: the code of this room and of speech, and the voice."""
+    digest = hashlib.blake2b(version("hibari-tts").encode(), digest_size=6)
+    for room in ("corpus", "speech"):
+        for source in sorted((Path(__file__).parents[1] / room).glob("*.py")):
+            digest.update(source.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,1 @@
+"""What a run looked like: motion files, figures and figures of merit."""

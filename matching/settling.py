@@ -1,0 +1,70 @@
+"""Silence: a body that comes to rest close to where it is, and breathes (RG22 section 4.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.base.keypoints import INDEX, bone_lengths, mirror, with_bone_lengths
+from gesture_bot.corpus.database import SEQUENCE, Database
+from gesture_bot.matching.quantities import wrist_height, wrist_speed
+
+HALF_LIFE = 0.45
+"""After so long, half of the way to rest is left [s]."""
+
+BREATH = 3.8
+"""Seconds from one breath to the next."""
+
+_MOVED = {"elbow": (0.0, 0.006, 0.003), "wrist": (0.006, 0.003, 0.008)}
+"""How far a breath moves the left elbow and wrist [m]; the hand goes with the wrist."""
+
+_BREATHING = np.zeros((len(INDEX), 3))
+for _name in ("elbow", "wrist", "index", "little"):
+    _BREATHING[INDEX[f"left_{_name}"]] = _MOVED.get(_name, _MOVED["wrist"])
+_BREATHING += mirror(_BREATHING)
+
+
+def rest_pose(database: Database) -> np.ndarray:
+    """(17, 3) float64 [m]: the mean of the database's calmest frames, with the bones of its body.
+
+    The calmest are the tenth of all frames at which both wrists are lowest and slowest; of neutral frames
+    alone, where the database has any.
+    """
+    keypoints = database.keypoints.astype(np.float64)
+    unrest = _ranks(wrist_height(keypoints).max(axis=1)) + _ranks(wrist_speed(keypoints).max(axis=1))
+    neutral = np.array([label == "neutral" for label in database.emotions])[database.emotion]
+    starts = database.starts[neutral] if neutral.any() else database.starts
+    rows = np.unique(starts[:, None] + np.arange(SEQUENCE))
+    calmest = rows[np.argsort(unrest[rows], kind="stable")[: len(rows) // 10]]
+    return with_bone_lengths(keypoints[calmest].mean(axis=0), np.median(bone_lengths(keypoints), axis=0))
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    return np.argsort(np.argsort(values, kind="stable"), kind="stable")
+
+
+@dataclass(frozen=True)
+class Settling:
+    """A body on its way to rest, like a critically damped spring, from a pose and a velocity.
+
+    Attributes:
+        start: Frame of the grid whose pose is `pose`.
+        pose: (17, 3) [m].
+        velocity: (17, 3) [m/s].
+        rest: (17, 3) the pose to come to [m].
+    """
+
+    start: int
+    pose: np.ndarray
+    velocity: np.ndarray
+    rest: np.ndarray
+
+    def at(self, frames: np.ndarray) -> np.ndarray:
+        """(n,) frames of the grid, none before `start` -> (n, 17, 3) [m], with the bone lengths of `pose`."""
+        t = ((frames - self.start) / FRAME_RATE)[:, None, None]
+        damping = 2 * np.log(2) / HALF_LIFE
+        offset = self.pose - self.rest
+        offset_velocity = self.velocity - 2 * np.pi / BREATH * _BREATHING
+        springs = np.exp(-damping * t) * (offset + (offset_velocity + damping * offset) * t)
+        goal = self.rest + _BREATHING * np.sin(2 * np.pi * t / BREATH)
+        return with_bone_lengths(goal + springs, bone_lengths(self.pose))

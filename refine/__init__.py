@@ -1,0 +1,1 @@
+"""Refinement: from chosen windows to one smooth motion."""

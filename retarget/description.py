@@ -1,0 +1,117 @@
+"""What a robot's YAML file says: the mapping from people, the servo table, the bus."""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, model_validator
+
+
+def _unit(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if abs(np.linalg.norm(axis) - 1.0) > 1e-3:
+        raise ValueError("an axis must be a unit vector")
+    return axis
+
+
+Axis = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)]
+"""A direction in a link's own frame."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Arm(_Section):
+    """Links that stand for one human arm.
+
+    The upper arm points from the origin of `shoulder` to that of `elbow`, the forearm from there to that of
+    `wrist`. `palm` points out of the palm, in the frame of `hand`.
+    """
+
+    shoulder: str
+    elbow: str
+    wrist: str
+    hand: str
+    palm: Axis
+
+
+class Head(_Section):
+    """The link that turns with the head, and the axis along which its face looks."""
+
+    link: str
+    forward: Axis
+
+
+class Mapping(_Section):
+    """Links that stand for the human body. `torso` has x forward, y left, z up."""
+
+    torso: str
+    left_arm: Arm
+    right_arm: Arm
+    head: Head
+
+    def links(self) -> tuple[str, ...]:
+        """Every link named."""
+        arms = (self.left_arm, self.right_arm)
+        return (
+            self.torso,
+            self.head.link,
+            *(link for arm in arms for link in (arm.shoulder, arm.elbow, arm.wrist, arm.hand)),
+        )
+
+
+class Joint(_Section):
+    """A joint and its servo: servo angle = direction * joint angle + offset.
+
+    Attributes:
+        id: Dynamixel ID on the bus.
+        model: Dynamixel model name, such as XM430-W350.
+        direction: +1 or -1.
+        offset: Servo angle, from the middle of its range, at which the joint is at zero [rad].
+        rest: Angle of the rest pose [rad].
+        acceleration: Largest acceleration [rad/s^2]. URDF has no place for it.
+        lower: Narrows the URDF's lower limit [rad].
+        upper: Narrows the URDF's upper limit [rad].
+    """
+
+    id: int = Field(ge=0, le=252)
+    model: str
+    direction: Literal[1, -1]
+    offset: FiniteFloat
+    rest: FiniteFloat
+    acceleration: Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+    lower: FiniteFloat = -math.inf
+    upper: FiniteFloat = math.inf
+
+
+class Bus(_Section):
+    """The servo bus.
+
+    Attributes:
+        baudrate: [bit/s].
+        protocol: Dynamixel protocol version, 2.0.
+        watchdog_ms: Silence after which a servo stops by itself [ms]. The register counts units of 20 ms.
+        on_exit: What becomes of the motors: they go to rest and switch off, hold, or switch off at once.
+    """
+
+    baudrate: int = Field(gt=0)
+    protocol: float = Field(ge=2.0, le=2.0)
+    watchdog_ms: int = Field(ge=20, le=2540, multiple_of=20)
+    on_exit: Literal["rest_then_off", "hold", "off"]
+
+
+class RobotDescription(_Section):
+    """The whole file. `urdf` is relative to its folder; `joints` is the servo table, in its order."""
+
+    urdf: str
+    mapping: Mapping
+    joints: dict[str, Joint] = Field(min_length=1)
+    bus: Bus
+
+    @model_validator(mode="after")
+    def _ids_differ(self) -> "RobotDescription":
+        ids = [joint.id for joint in self.joints.values()]
+        doubled = sorted({number for number in ids if ids.count(number) > 1})
+        if doubled:
+            raise ValueError(f"two joints have the servo id {doubled[0]}")
+        return self

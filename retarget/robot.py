@@ -1,0 +1,135 @@
+"""A robot: its URDF, what its joints may do, and which servos turn them."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gesture_bot.base.errors import InvalidValueError, RobotError
+from gesture_bot.base.files import config_dir, read_yaml
+from gesture_bot.retarget.description import Bus, Joint, Mapping, RobotDescription
+from gesture_bot.retarget.follower import JointLimits
+
+
+@dataclass(frozen=True)
+class ServoEntry:
+    """A row of the servo table: servo angle = direction * joint angle + offset [rad].
+
+    Attributes:
+        joint: Joint name.
+        id: Dynamixel ID.
+        model: Dynamixel model name.
+        direction: +1 or -1.
+        offset: [rad].
+    """
+
+    joint: str
+    id: int
+    model: str
+    direction: int
+    offset: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot whose URDF, mapping and servo table fit together.
+
+    Attributes:
+        name: Name of its YAML file, without the ending.
+        urdf: The URDF, as XML.
+        limits: What the joints may do; position limits are the narrower of URDF and YAML.
+        rest: (j,) the rest pose, inside the limits [rad].
+        mapping: Links that stand for the human body.
+        servos: The servo table, one row a joint.
+        bus: The servo bus.
+    """
+
+    name: str
+    urdf: str
+    limits: JointLimits
+    rest: np.ndarray
+    mapping: Mapping
+    servos: tuple[ServoEntry, ...]
+    bus: Bus
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The j joint names, in the servo table's order."""
+        return self.limits.joints
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that come with the package."""
+    return sorted(path.stem for path in (config_dir() / "robots").glob("*.yaml"))
+
+
+def load_robot(name_or_path: str) -> Robot:
+    """Load a robot by its name (`toa`) or by the path of its YAML file.
+
+    Raises:
+        InvalidValueError: No robot has this name; lists the known ones.
+        FileFormatError: The YAML file cannot be read, or a value in it does not fit.
+        RobotError: The URDF cannot be read, lacks a joint or link that the YAML names, or gives no range.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        if name_or_path not in robot_names():
+            raise InvalidValueError("no such robot, nor a path ending in .yaml", name_or_path, robot_names())
+        path = config_dir() / "robots" / f"{name_or_path}.yaml"
+    description = read_yaml(path, RobotDescription)
+    urdf, root = _read_urdf(path.parent / description.urdf)
+    links = [link.get("name", "") for link in root.iter("link")]
+    for link in description.mapping.links():
+        if link not in links:
+            raise RobotError(f"{path.name} maps a link that the URDF {description.urdf} lacks", link, links)
+    limits = _limits(root, description)
+    rest = np.array([joint.rest for joint in description.joints.values()])
+    for name, angle, lower, upper in zip(limits.joints, rest, limits.lower, limits.upper, strict=True):
+        if not lower <= angle <= upper:
+            raise RobotError(
+                f"{path.name}: the rest angle of {name} is outside {lower:g} to {upper:g} rad", float(angle)
+            )
+    servos = tuple(
+        ServoEntry(name, joint.id, joint.model, joint.direction, joint.offset)
+        for name, joint in description.joints.items()
+    )
+    return Robot(path.stem, urdf, limits, rest, description.mapping, servos, description.bus)
+
+
+def _read_urdf(path: Path) -> tuple[str, ElementTree.Element]:
+    try:
+        text = path.read_text(encoding="utf-8")
+        root = ElementTree.fromstring(text)
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        raise RobotError(f"cannot read the URDF {path} ({error})") from error
+    if root.tag != "robot":
+        raise RobotError(f"{path} is not a URDF: its root element is", root.tag, ["robot"])
+    return text, root
+
+
+def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLimits:
+    turning = [joint for joint in root.findall("joint") if joint.get("type") in ("revolute", "continuous")]
+    elements = {joint.get("name", ""): joint for joint in turning}
+    rows = []
+    for name, joint in description.joints.items():
+        if name not in elements:
+            message = f"the servo table has a joint that the URDF {description.urdf} lacks"
+            raise RobotError(message, name, elements)
+        rows.append(_joint_limits(name, joint, elements[name].find("limit")))
+    return JointLimits(tuple(description.joints), *np.array(rows).T)
+
+
+def _joint_limits(
+    name: str, joint: Joint, limit: ElementTree.Element | None
+) -> tuple[float, float, float, float]:
+    given = {} if limit is None else limit.attrib
+    try:
+        lower = max(float(given.get("lower", -np.inf)), joint.lower)
+        upper = min(float(given.get("upper", np.inf)), joint.upper)
+        velocity = float(given.get("velocity", 0.0))
+    except ValueError as error:
+        raise RobotError(f"the URDF's <limit> of {name} is not all numbers", dict(given)) from error
+    if not (-np.inf < lower < upper < np.inf and 0 < velocity < np.inf):
+        raise RobotError(f"{name} needs limits lower < upper and a velocity > 0", (lower, upper, velocity))
+    return lower, upper, velocity, joint.acceleration

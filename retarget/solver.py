@@ -1,0 +1,142 @@
+"""Directions to joint angles: the retargeting objective and its solver."""
+
+import mujoco
+import numpy as np
+
+from gesture_bot.base.errors import RobotError
+from gesture_bot.retarget.kinematics import Kinematics
+from gesture_bot.retarget.robot import Robot
+
+WEIGHTS = np.array([1.0, 1.0, 0.3, 1.0, 1.0, 0.3, 1.0])
+"""Of the squared errors of DIRECTIONS. A palm is to turn the wrist, and hardly to bend the arm."""
+
+_ROW_WEIGHTS = np.repeat(WEIGHTS, 3)
+
+TO_PREVIOUS = 0.02
+"""Weight of the squared distance to the angles before [1/rad^2]. It prevents jumps where an angle hardly
+matters: a straight elbow leaves the upper arm's yaw free."""
+
+TO_REST = 0.002
+"""Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
+
+_ORDER = np.array([0, 1, 4, 2, 3, 5, 6])
+"""From bones (left upper arm, left forearm, right ...) and axes (palms, face) to DIRECTIONS."""
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""Indices of a cross product, which numpy.cross is slow at."""
+
+ITERATIONS = 4
+LARGEST_STEP = 0.5
+"""Gauss-Newton steps a pose, and the largest change of an angle in one [rad]."""
+
+
+class DirectionSolver:
+    """Joint angles whose links point as a person's do.
+
+    Minimises, inside the position limits, the weighted squared differences of directions and the weighted
+    squared distances to the angles before and to the rest pose. Joints between base and torso stay where
+    they are.
+
+    Args:
+        robot: For whom.
+
+    Raises:
+        RobotError: Two links that the mapping draws a line between lie on one point.
+    """
+
+    # Own Gauss-Newton on MuJoCo's Jacobians. mink 1.3 with DAQP, given the same objective, is as accurate
+    # and takes more than twice as long, and its direction task knows axes of one link alone, not lines from
+    # link to link.
+
+    def __init__(self, robot: Robot):
+        self._limits, self._rest = robot.limits, robot.rest
+        self._kinematics = Kinematics(robot)
+        left, right, head = robot.mapping.left_arm, robot.mapping.right_arm, robot.mapping.head
+        self._parents = self._links(left.shoulder, left.elbow, right.shoulder, right.elbow)
+        self._children = self._links(left.elbow, left.wrist, right.elbow, right.wrist)
+        self._turned = self._links(left.hand, right.hand, head.link)
+        self._axes = np.array([left.palm, right.palm, head.forward])
+        self._torso = self._links(robot.mapping.torso)
+        self._check_bones()
+        mujoco.mj_comPos(self._kinematics.model, self._kinematics.data)
+        self._below_torso = ~self._jacobians(self._torso)[0, 1].any(axis=0)
+
+    def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """The angles for one frame.
+
+        Args:
+            targets: (7, 3) directions in the torso's frame, rows as in DIRECTIONS.
+            previous: (j,) angles of the frame before [rad].
+
+        Returns:
+            (j,) angles inside the limits [rad].
+        """
+        angles = previous
+        for _ in range(ITERATIONS):
+            current, jacobian = self._linearise(angles)
+            weighted = jacobian.T * _ROW_WEIGHTS
+            hessian = weighted @ jacobian + (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
+            gradient = (
+                weighted @ (current - targets).ravel()
+                + TO_PREVIOUS * (angles - previous)
+                + TO_REST * (angles - self._rest)
+            )
+            lowest = np.clip(self._limits.lower - angles, -LARGEST_STEP, LARGEST_STEP)
+            highest = np.clip(self._limits.upper - angles, -LARGEST_STEP, LARGEST_STEP)
+            angles = angles + _bounded_step(hessian, gradient, lowest, highest)
+        return np.clip(angles, self._limits.lower, self._limits.upper)
+
+    def reached(self, angles: np.ndarray) -> np.ndarray:
+        """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
+        return self._linearise(angles)[0]
+
+    def _linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives."""
+        data = self._kinematics.data
+        self._kinematics.place(angles)
+        mujoco.mj_comPos(self._kinematics.model, data)
+        lines = data.xpos[self._children] - data.xpos[self._parents]
+        lengths = np.linalg.norm(lines, axis=1)[:, None]
+        bones = lines / lengths
+        moving = (self._jacobians(self._children) - self._jacobians(self._parents))[:, 0] / lengths[:, None]
+        moving -= bones[:, :, None] * (bones[:, None] @ moving)
+        axes = data.xmat[self._turned].reshape(-1, 3, 3) @ self._axes[:, :, None]
+        turning = self._jacobians(self._turned)[:, 1]
+        turning = turning[:, _NEXT] * axes[:, _LAST] - turning[:, _LAST] * axes[:, _NEXT]
+
+        torso = data.xmat[self._torso[0]].reshape(3, 3)
+        directions = np.concatenate([bones, axes[:, :, 0]])[_ORDER] @ torso
+        jacobian = torso.T @ np.concatenate([moving, turning])[_ORDER] * self._below_torso
+        return directions, jacobian.reshape(-1, len(angles))
+
+    def _jacobians(self, links: np.ndarray) -> np.ndarray:
+        """(n, 2, 3, j) derivatives of the position and the rotation of links in the base frame."""
+        model, data = self._kinematics.model, self._kinematics.data
+        out = np.empty((len(links), 2, 3, model.nv))
+        for (moving, turning), link in zip(out, links, strict=True):
+            mujoco.mj_jacBody(model, data, moving, turning, link)
+        return out[..., self._kinematics.columns]
+
+    def _check_bones(self) -> None:
+        model, position = self._kinematics.model, self._kinematics.data.xpos
+        for parent, child in zip(self._parents, self._children, strict=True):
+            if np.allclose(position[parent], position[child]):
+                names = [model.body(link).name for link in (parent, child)]
+                raise RobotError("an arm is mapped to two links that lie on one point", names)
+
+    def _links(self, *names: str) -> np.ndarray:
+        return np.array([self._kinematics.link(name) for name in names])
+
+
+def _bounded_step(
+    hessian: np.ndarray, gradient: np.ndarray, lowest: np.ndarray, highest: np.ndarray
+) -> np.ndarray:
+    """The step that minimises the quadratic. Where it would leave its bounds it is held, and solved again."""
+    held = np.zeros(len(gradient), bool)
+    step = np.linalg.solve(hessian, -gradient)
+    while (outside := (step < lowest) | (step > highest)).any():
+        held |= outside
+        fixed = np.where(held, np.clip(step, lowest, highest), 0.0)
+        reduced = np.where(held | held[:, None], np.diag(held), hessian)
+        step = np.linalg.solve(reduced, np.where(held, fixed, -gradient - hessian @ fixed))
+    return step

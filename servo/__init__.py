@@ -1,0 +1,1 @@
+"""From joint trajectories to moving servos: control, envelope, bus, virtual bus."""

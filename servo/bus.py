@@ -1,0 +1,188 @@
+"""Access to Dynamixel servos on a serial port, through the DynamixelSDK (protocol 2.0)."""
+
+import errno
+import termios
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+
+from dynamixel_sdk import (
+    COMM_SUCCESS,
+    GroupSyncRead,
+    GroupSyncWrite,
+    PortHandler,
+    Protocol2PacketHandler,
+)
+from serial import SerialException
+from serial.tools.list_ports import comports
+
+from gesture_bot.base.errors import BusError
+from gesture_bot.servo.models import REGISTERS
+
+READ_WAIT = 0.002
+"""How long a read of the port sleeps for bytes to come [s]."""
+
+REPLY_WAIT = 10.0
+"""Time for an answer, beyond that of its bytes on the wire [ms]; the SDK's 34 ms would cost three cycles."""
+
+ATTEMPTS = 3
+"""How often a ping, read or write is tried before it fails."""
+
+REFUSALS = {
+    errno.EACCES: "no permission to open the serial port (join the group dialout, then log in anew)",
+    errno.EAGAIN: "another program uses the serial port",
+    errno.EBUSY: "another program uses the serial port",
+}
+"""What the system means when it does not open a port that exists."""
+
+
+def _bytes(value: int, size: int) -> list[int]:
+    """A register's value, signed or not, as bytes."""
+    return list((value % (1 << 8 * size)).to_bytes(size, "little"))
+
+
+class _Port(PortHandler):
+    """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop."""
+
+    def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
+        super().setupPort(cflag_baud)
+        self.ser.timeout = READ_WAIT
+        self.ser.exclusive = True
+        return True
+
+    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
+        self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + REPLY_WAIT)
+
+
+class Bus:
+    """An open serial port with servos on it.
+
+    Args:
+        port: Path of the serial port.
+        baudrate: Symbols a second [bit/s].
+
+    Raises:
+        BusError: The port cannot be opened; lists the serial ports there are. All methods raise it when the
+            port vanishes.
+    """
+
+    def __init__(self, port: str, baudrate: int):
+        self.port = port
+        self._port = _Port(port)
+        self._sdk = Protocol2PacketHandler()
+        try:
+            opened = self._port.setBaudRate(baudrate)
+        except SerialException as error:
+            if error.errno in REFUSALS:
+                raise BusError(REFUSALS[error.errno], port) from error
+            ports = [found.device for found in comports()] or ["no serial port found"]
+            raise BusError("cannot open the serial port", port, ports) from error
+        if not opened:
+            raise BusError("the SDK does not know this baud rate", baudrate)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.closePort()
+
+    def ping(self, servo_id: int) -> int | None:
+        """Model Number (0) of a servo, or None when none with this ID answers."""
+        with self._port_errors():
+            for _ in range(ATTEMPTS):
+                number, result, _ = self._sdk.ping(self._port, servo_id)
+                if result == COMM_SUCCESS:
+                    return number
+        return None
+
+    def scan(self) -> list[int]:
+        """IDs of all servos that answer. Takes about a second."""
+        with self._port_errors():
+            found, _ = self._sdk.broadcastPing(self._port)
+        return sorted(found)
+
+    def read(self, servo_id: int, name: str) -> int:
+        """The value of a register by its name, unsigned.
+
+        Raises:
+            BusError: The servo does not answer.
+        """
+        item = REGISTERS[name]
+        for _ in range(ATTEMPTS):
+            if data := self.try_read(servo_id, item.address, item.size):
+                return int.from_bytes(data, "little")
+        raise BusError(f"servo {servo_id} on {self.port} stopped answering when asked for {name}")
+
+    def try_read(self, servo_id: int, address: int, size: int) -> bytes:
+        """Ask once for bytes of the control table; nothing when the servo does not answer."""
+        with self._port_errors():
+            data, result, _ = self._sdk.readTxRx(self._port, servo_id, address, size)
+        return bytes(data) if result == COMM_SUCCESS and len(data) == size else b""
+
+    def write(self, servo_id: int, name: str, value: int) -> None:
+        """Set a register by its name.
+
+        Raises:
+            BusError: The servo does not answer, or refuses the value.
+        """
+        item = REGISTERS[name]
+        data = _bytes(value, item.size)
+        with self._port_errors():
+            for _ in range(ATTEMPTS):
+                result, error = self._sdk.writeTxRx(self._port, servo_id, item.address, item.size, data)
+                if result == COMM_SUCCESS:
+                    break
+        if result != COMM_SUCCESS:
+            raise BusError(f"servo {servo_id} on {self.port} stopped answering when {name} was written")
+        if error & 0x7F:
+            raise BusError(
+                f"servo {servo_id} refuses {name}: {self._sdk.getRxPacketError(error & 0x7F)}", value
+            )
+
+    def sync_write(self, name: str, values: Mapping[int, int]) -> None:
+        """Set a register of several servos, by ID, with one packet that nobody answers."""
+        item = REGISTERS[name]
+        group = GroupSyncWrite(self._port, self._sdk, item.address, item.size)
+        for servo_id, value in values.items():
+            group.addParam(servo_id, _bytes(value, item.size))
+        with self._port_errors():
+            group.txPacket()
+
+    def set_all(self, ids: Iterable[int], name: str, value: int) -> None:
+        """Set a register of several servos to one value, again until all confirm it or the attempts end."""
+        item, ids = REGISTERS[name], list(ids)
+        for _ in range(ATTEMPTS):
+            self.sync_write(name, dict.fromkeys(ids, value))
+            answers = self.sync_read(ids, item.address, item.size, fast=False)
+            if answers and set(answers.values()) == {bytes(_bytes(value, item.size))}:
+                return
+
+    def sync_read(self, ids: Iterable[int], address: int, size: int, fast: bool) -> dict[int, bytes]:
+        """The same bytes of the control table from several servos, in one transaction.
+
+        Args:
+            ids: Who is asked.
+            address: First byte.
+            size: How many bytes.
+            fast: All answer in one packet (Fast Sync Read), which older firmware does not know.
+
+        Returns:
+            Bytes by ID; empty unless all have answered.
+        """
+        group = GroupSyncRead(self._port, self._sdk, address, size)
+        for servo_id in ids:
+            group.addParam(servo_id)
+        try:
+            with self._port_errors():
+                result = group.fastSyncRead() if fast else group.txRxPacket()
+        except IndexError:
+            return {}  # The SDK trips over a late answer to an earlier question.
+        if result != COMM_SUCCESS:
+            return {}
+        return {servo_id: bytes(data) for servo_id, data in group.data_dict.items()}
+
+    @contextmanager
+    def _port_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, termios.error) as error:
+            raise BusError("the serial port has vanished", self.port) from error
+        finally:
+            self._port.is_using = False

@@ -1,0 +1,93 @@
+"""The safety envelope: the last step before the bus, which no motion leaves, whoever asks for it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gesture_bot.retarget.follower import Follower, JointLimits
+
+EASING_VELOCITY = 0.5
+"""Largest speed of a joint until it has met its target for the first time [rad/s]."""
+
+MET = 0.02
+"""A joint this close to its target has met it [rad]."""
+
+HELD_BACK = 1e-3
+"""A joint this far behind its target counts as held back [rad]."""
+
+
+@dataclass
+class Interventions:
+    """How often a joint was held back for a tick, by the limit that was asked to be broken.
+
+    `acceleration` also counts catching up afterwards.
+    """
+
+    position: int = 0
+    velocity: int = 0
+    acceleration: int = 0
+
+
+class Envelope:
+    """Keeps position, velocity and acceleration limits; what is not a number is answered with braking.
+
+    A joint that begins away from its target, such as an arm that hung down, first goes there slowly.
+
+    Args:
+        limits: The joints' limits.
+        dt: Length of a tick [s].
+        positions: (j,) where the joints are, at rest [rad].
+
+    Attributes:
+        interventions: What it had to hold back so far.
+    """
+
+    def __init__(self, limits: JointLimits, dt: float, positions: np.ndarray):
+        self.interventions = Interventions()
+        self._limits = limits
+        self._follower = Follower(limits, dt, positions)
+        self.reset(positions)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """(j,) where the joints were last sent [rad]."""
+        return self._follower.position
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """(j,) how fast they move there [rad/s]."""
+        return self._follower.velocity
+
+    def reset(self, positions: np.ndarray) -> None:
+        """Start again from joints at rest, at (j,) positions [rad]."""
+        self._follower.reset(positions)
+        self._met = np.zeros(len(positions), bool)
+
+    def step(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Move for one tick toward a target, as far as the limits allow.
+
+        Args:
+            positions: (j,) asked for [rad]; NaN lets the joint brake.
+            velocities: (j,) asked for [rad/s].
+
+        Returns:
+            (j,) positions that are safe to send [rad].
+        """
+        follower, limits = self._follower, self._limits
+        asked = np.isfinite(positions) & np.isfinite(velocities)
+        # Braking evenly within the tick leads here: this target asks for nothing else.
+        stop = follower.position + 0.5 * follower.dt * follower.velocity
+        target = np.where(asked, positions, stop)
+        speed = np.where(asked, velocities, 0.0)
+        self._met |= asked & (np.abs(follower.position - target) < MET)
+        easing = np.minimum(limits.velocity, EASING_VELOCITY)
+        follower.limits = replace(limits, velocity=np.where(self._met, limits.velocity, easing))
+        sent, _ = follower.step(target, speed)
+
+        held_back = asked & self._met & (np.abs(sent - target) > HELD_BACK)
+        outside = (target < limits.lower) | (target > limits.upper)
+        too_fast = ~outside & (np.abs(speed) > limits.velocity)
+        self.interventions.position += int(np.count_nonzero(held_back & outside))
+        self.interventions.velocity += int(np.count_nonzero(held_back & too_fast))
+        self.interventions.acceleration += int(np.count_nonzero(held_back & ~outside & ~too_fast))
+        return sent

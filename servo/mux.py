@@ -1,0 +1,147 @@
+"""Who has control: teleoperation over gestures, joint by joint, with smooth hand-over and a latched stop."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.servo.trajectories import Overlay, coast, ease
+
+BLEND = 0.6
+"""How long a joint takes to pass from one owner to the next [s]."""
+
+HORIZON = np.linspace(0.0, 0.1, 6)
+"""Moments of the points put out, from now on [s]."""
+
+NOBODY = "nobody"
+STOP = "stop"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Who may ask for motion.
+
+    Attributes:
+        name: Such as gesture or teleop.
+        priority: The highest one that asks for a joint owns it.
+        timeout: A joint is given back when its trajectory has ended and its last message is this old [s].
+    """
+
+    name: str
+    priority: int
+    timeout: float
+
+
+GESTURE = Source("gesture", 10, math.inf)
+TELEOP = Source("teleop", 100, 0.5)
+
+
+class MotionMux:
+    """Merges the trajectories of several sources into one.
+
+    A joint that nobody owns coasts to rest and stays. While stopped, none has an owner.
+
+    Args:
+        joints: The j joints.
+        positions: (j,) where they are at the start [rad].
+        sources: Who may ask for motion. The lock masks GESTURE alone.
+
+    Attributes:
+        joints: The j joints.
+        locked: While true, gestures are masked.
+        stopped: True from `stop` to `reset`.
+    """
+
+    def __init__(
+        self, joints: tuple[str, ...], positions: np.ndarray, sources: tuple[Source, ...] = (GESTURE, TELEOP)
+    ):
+        self.joints = joints
+        self.locked = False
+        self.stopped = False
+        self._sources = sorted(sources, key=lambda source: source.priority)
+        self._plans = {source.name: Overlay(joints) for source in sources}
+        self._heard = {source.name: np.full(len(joints), -np.inf) for source in sources}
+        self._owner = np.full(len(joints), NOBODY, object)
+        # Each joint leaves the motion it had when its owner changed.
+        self._changed = np.full(len(joints), -np.inf)
+        self._left_position = np.array(positions, float)
+        self._left_velocity = np.zeros(len(joints))
+
+    @property
+    def owners(self) -> dict[str, str]:
+        """Who owns each joint: a source's name, `nobody`, or `stop`."""
+        return dict(zip(self.joints, self._owner, strict=True))
+
+    def set_source(self, name: str, trajectory: JointTrajectory, now: float) -> None:
+        """Take a source's trajectory for some or all of the joints.
+
+        Raises:
+            InvalidValueError: The source is unknown, or the trajectory not for these joints. Nothing changes.
+        """
+        if name not in self._plans:
+            raise InvalidValueError("unknown source of motion", name, self._plans)
+        self._plans[name].add(trajectory, now)
+        self._heard[name][np.isin(self.joints, trajectory.joints)] = now
+
+    def set_lock(self, locked: bool) -> None:
+        """Mask gestures, or let them through again."""
+        self.locked = locked
+
+    def stop(self) -> None:
+        """Let all joints brake and hold, whoever asks for motion, until `reset`."""
+        self.stopped = True
+
+    def reset(self) -> None:
+        """Let the sources move the joints again."""
+        self.stopped = False
+
+    def tick(self, now: float) -> JointTrajectory:
+        """Motion of all joints for the next 0.1 s."""
+        owner = self._next_owner(now)
+        changed = owner != self._owner
+        if changed.any():
+            positions, velocities = self._command(np.array([now]))
+            self._left_position = np.where(changed, positions[0], self._left_position)
+            self._left_velocity = np.where(changed, velocities[0], self._left_velocity)
+            self._changed = np.where(changed, now, self._changed)
+            self._owner = owner
+        self._forget_lapsed(now)
+        times = now + HORIZON
+        return JointTrajectory(self.joints, times, *self._command(times))
+
+    def _lapsed(self, source: Source, now: float) -> np.ndarray:
+        """(j,) whether the source asks for the joint no more."""
+        ended = self._plans[source.name].ends() < now
+        return ended & (now - self._heard[source.name] >= source.timeout)
+
+    def _next_owner(self, now: float) -> np.ndarray:
+        if self.stopped:
+            return np.full(len(self.joints), STOP, object)
+        owner = np.full(len(self.joints), NOBODY, object)
+        for source in self._sources:
+            if not (self.locked and source.name == GESTURE.name):
+                planned = self._plans[source.name].ends() > -np.inf
+                owner[planned & ~self._lapsed(source, now)] = source.name
+        return owner
+
+    def _forget_lapsed(self, now: float) -> None:
+        """Drop what lapsed, so that a source that comes back later does not begin where it once ended."""
+        for source in self._sources:
+            lapsed = self._lapsed(source, now)
+            self._plans[source.name].forget(
+                {joint for joint, gone in zip(self.joints, lapsed, strict=True) if gone}
+            )
+
+    def _command(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, j) positions [rad] and velocities [rad/s] under the present owners."""
+        elapsed = times[:, None] - self._changed
+        leaving = coast(self._left_position, self._left_velocity, elapsed)
+        positions, velocities = leaving[0].copy(), leaving[1].copy()
+        for name, plan in self._plans.items():
+            own = self._owner == name
+            if own.any():
+                eased = ease(leaving, plan.at(times), elapsed, BLEND)
+                positions[:, own], velocities[:, own] = eased[0][:, own], eased[1][:, own]
+        return positions, velocities

@@ -1,0 +1,73 @@
+"""Before the robot may move: every servo is there, is the right one, and stands ready where it is."""
+
+from gesture_bot.base.errors import BusError
+from gesture_bot.retarget.robot import Robot, ServoEntry
+from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.models import (
+    HARDWARE_ERRORS,
+    POSITION_MODE,
+    VELOCITY_UNIT,
+    find_model,
+    model_name,
+    signed,
+)
+from gesture_bot.servo.table import ServoTable
+
+SETTINGS = {"Operating Mode": POSITION_MODE, "Drive Mode": 0, "Return Delay Time": 0}
+"""EEPROM registers: position control, forward, profiles in velocities, answers at once."""
+
+
+def check_servos(bus: Bus, robot: Robot) -> None:
+    """See that each servo of the table answers, is of the right model, and is well.
+
+    Raises:
+        BusError: One does not or is not; names its joint and ID.
+    """
+    for servo in robot.servos:
+        number = bus.ping(servo.id)
+        if number is None:
+            found = bus.scan() or ["no servo at all"]
+            raise BusError(f"no servo answers for {servo.joint} on {bus.port}, at ID", servo.id, found)
+        if number != find_model(servo.model).number:
+            raise BusError(
+                f"servo {servo.id} of {servo.joint} is of another model", model_name(number), [servo.model]
+            )
+        errors = hardware_errors(bus.read(servo.id, "Hardware Error Status"))
+        if errors:
+            raise BusError(
+                f"servo {servo.id} of {servo.joint} reports {' and '.join(errors)}; "
+                "find out why, then switch it off and on"
+            )
+
+
+def hardware_errors(status: int) -> tuple[str, ...]:
+    """What Hardware Error Status (70) means."""
+    return tuple(name for bit, name in HARDWARE_ERRORS.items() if status & 1 << bit)
+
+
+def set_up(bus: Bus, robot: Robot, servo: ServoEntry) -> None:
+    """Set a servo up, and switch torque on with the goal where the joint is, so that it does not move.
+
+    Profile Velocity is the joint's velocity limit: a second belt, for the safety envelope shapes all motion.
+
+    Raises:
+        BusError: The servo does not answer, or cannot reach the joint's whole range.
+    """
+    joint = robot.joints.index(servo.joint)
+    bus.write(servo.id, "Torque Enable", 0)
+    for name, value in SETTINGS.items():
+        # EEPROM wears out: write only what changes.
+        if bus.read(servo.id, name) != value:
+            bus.write(servo.id, name, value)
+    table = ServoTable(robot)
+    ends = sorted((table.ticks(robot.limits.lower)[joint], table.ticks(robot.limits.upper)[joint]))
+    lowest, highest = bus.read(servo.id, "Min Position Limit"), bus.read(servo.id, "Max Position Limit")
+    if not lowest <= ends[0] <= ends[1] <= highest:
+        raise BusError(
+            f"servo {servo.id} turns from {lowest} to {highest}; {servo.joint} needs {ends[0]} to {ends[1]}"
+        )
+    bus.write(servo.id, "Bus Watchdog", 0)
+    bus.write(servo.id, "Profile Acceleration", 0)
+    bus.write(servo.id, "Profile Velocity", -int(-robot.limits.velocity[joint] // VELOCITY_UNIT))
+    bus.write(servo.id, "Goal Position", signed(bus.read(servo.id, "Present Position"), 4))
+    bus.write(servo.id, "Torque Enable", 1)

@@ -1,0 +1,56 @@
+"""Reading where all servos are, although one or the other may not answer."""
+
+import numpy as np
+
+from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
+
+SILENT_AFTER = 5
+"""A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
+
+
+class PresentReader:
+    """Reads the present state of the servos once a cycle.
+
+    All are asked in one transaction. If that fails, each is asked alone, once.
+
+    Args:
+        bus: The bus.
+        ids: The servos, in joint order.
+
+    Attributes:
+        present: (j,) PRESENT records, each as it was last heard.
+        failures: Answers that did not come in time, or were damaged, so far.
+    """
+
+    def __init__(self, bus: Bus, ids: list[int]):
+        self.present = np.zeros(len(ids), PRESENT)
+        self.failures = 0
+        self._bus = bus
+        self._ids = ids
+        self._missed = dict.fromkeys(ids, 0)
+        # Firmware without Fast Sync Read leaves the question without an answer.
+        self._fast = any(bus.sync_read(ids, PRESENT_ADDRESS, PRESENT.itemsize, fast=True) for _ in range(2))
+
+    @property
+    def silent(self) -> list[int]:
+        """IDs of the servos that have stopped answering."""
+        return [servo_id for servo_id, missed in self._missed.items() if missed >= SILENT_AFTER]
+
+    def read(self) -> None:
+        """Bring `present` up to date."""
+        asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
+        answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, self._fast)
+        if not answers:
+            self.failures += 1
+            answers = {i: self._bus.try_read(i, PRESENT_ADDRESS, PRESENT.itemsize) for i in asked}
+        for servo_id, data in answers.items():
+            if data:
+                self._missed[servo_id] = 0
+                self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
+            else:
+                self._missed[servo_id] += 1
+
+    def heard(self, servo_id: int) -> None:
+        """A servo that was silent has answered."""
+        self._missed[servo_id] = 0

@@ -1,0 +1,149 @@
+"""Joint trajectories as they arrive: checked, overlaid by their start, and left to coast where they end."""
+
+import numpy as np
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.trajectory import JointTrajectory
+
+COASTING = 0.1
+"""Time constant with which a joint comes to rest when nothing leads it any more [s]."""
+
+
+def coast(
+    position: np.ndarray, velocity: np.ndarray, elapsed: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity of joints left to themselves: the velocity decays exponentially.
+
+    Args:
+        position: Where they were left [rad].
+        velocity: How fast they moved then [rad/s].
+        elapsed: Time since then [s].
+    """
+    decay = np.exp(-np.maximum(elapsed, 0.0) / COASTING)
+    return position + velocity * COASTING * (1.0 - decay), velocity * decay
+
+
+def ease(
+    leaving: tuple[np.ndarray, np.ndarray],
+    reaching: tuple[np.ndarray, np.ndarray],
+    elapsed: np.ndarray,
+    duration: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pass from one motion over to another with a minimum-jerk weight.
+
+    Args:
+        leaving: Positions [rad] and velocities [rad/s] of the motion that is left.
+        reaching: Those of the motion that takes over.
+        elapsed: Time since the hand-over began [s].
+        duration: How long it takes [s].
+    """
+    s = np.clip(elapsed / duration, 0.0, 1.0)
+    weight = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    growth = 30.0 * (s * (1.0 - s)) ** 2 / duration
+    position = leaving[0] + weight * (reaching[0] - leaving[0])
+    velocity = leaving[1] + weight * (reaching[1] - leaving[1]) + growth * (reaching[0] - leaving[0])
+    return position, velocity
+
+
+def check_trajectory(trajectory: JointTrajectory, joints: tuple[str, ...]) -> None:
+    """Refuse a trajectory that a robot cannot be asked to follow.
+
+    Raises:
+        InvalidValueError: It has no point, a joint that is not among `joints`, a number that is not finite,
+            times that do not increase, or arrays that do not fit together.
+    """
+    for joint in trajectory.joints:
+        if joint not in joints:
+            raise InvalidValueError("the trajectory has an unknown joint", joint, joints)
+    shape = (len(trajectory.times), len(trajectory.joints))
+    if 0 in shape:
+        raise InvalidValueError("the trajectory has no joint or no point: (points, joints)", shape)
+    if len(set(trajectory.joints)) < len(trajectory.joints):
+        raise InvalidValueError("the trajectory names a joint twice", trajectory.joints)
+    for name, expected in (("times", shape[:1]), ("positions", shape), ("velocities", shape)):
+        values = getattr(trajectory, name)
+        if values.shape != expected:
+            raise InvalidValueError(f"the trajectory's {name} have the wrong shape", values.shape, [expected])
+        if not np.isfinite(values).all():
+            bad = float(values[~np.isfinite(values)][0])
+            raise InvalidValueError(f"the trajectory's {name} must be finite numbers", bad)
+    steps = np.diff(trajectory.times)
+    if (steps <= 0).any():
+        raise InvalidValueError(
+            "the trajectory's times must increase, but one step is [s]", float(steps.min())
+        )
+
+
+class Overlay:
+    """All that is planned for some joints: each trajectory replaces what it covers, from its first point on.
+
+    Args:
+        joints: The j joints.
+    """
+
+    def __init__(self, joints: tuple[str, ...]):
+        self.joints = joints
+        self._layers: list[JointTrajectory] = []
+
+    def add(self, trajectory: JointTrajectory, now: float) -> None:
+        """Overlay a trajectory of some or all of the joints.
+
+        Raises:
+            InvalidValueError: It is not a trajectory for these joints. All stays as it was.
+        """
+        check_trajectory(trajectory, self.joints)
+        layers = [*self._layers, trajectory]
+        self._layers = []
+        for i, layer in enumerate(layers):
+            # A later layer hides this one where it begins before it, or has begun by now.
+            over = [later for later in layers[i + 1 :] if later.times[0] <= max(layer.times[0], now)]
+            self._append_without({joint for later in over for joint in later.joints}, layer)
+
+    def forget(self, joints: set[str]) -> None:
+        """Drop all that is planned for some joints."""
+        layers, self._layers = self._layers, []
+        for layer in layers:
+            self._append_without(joints, layer)
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where the plan leads: to its first point until it begins; after its last point the joint coasts.
+
+        Args:
+            times: (n,) [s since the epoch].
+
+        Returns:
+            (n, j) positions [rad] and (n, j) velocities [rad/s], NaN where nothing is planned.
+        """
+        positions = np.full((len(times), len(self.joints)), np.nan)
+        velocities = positions.copy()
+        for layer in self._layers:
+            columns = self._columns(layer)
+            where, speed = layer.at(times)
+            after = np.maximum(times - layer.times[-1], 0.0)[:, None]
+            rest, slowing = coast(layer.positions[-1], layer.velocities[-1], after)
+            taken = (times >= layer.times[0])[:, None] | np.isnan(positions[:, columns])
+            positions[:, columns] = np.where(taken, np.where(after > 0, rest, where), positions[:, columns])
+            velocities[:, columns] = np.where(
+                taken, np.where(after > 0, slowing, speed), velocities[:, columns]
+            )
+        return positions, velocities
+
+    def ends(self) -> np.ndarray:
+        """(j,) when the plan of each joint ends [s since the epoch], -inf where there is none."""
+        ends = np.full(len(self.joints), -np.inf)
+        for layer in self._layers:
+            ends[self._columns(layer)] = layer.times[-1]
+        return ends
+
+    def _columns(self, trajectory: JointTrajectory) -> list[int]:
+        return [self.joints.index(joint) for joint in trajectory.joints]
+
+    def _append_without(self, joints: set[str], layer: JointTrajectory) -> None:
+        kept = [i for i, joint in enumerate(layer.joints) if joint not in joints]
+        if len(kept) == len(layer.joints):
+            self._layers.append(layer)
+        elif kept:
+            names = tuple(layer.joints[i] for i in kept)
+            self._layers.append(
+                JointTrajectory(names, layer.times, layer.positions[:, kept], layer.velocities[:, kept])
+            )

@@ -1,0 +1,132 @@
+"""A virtual Dynamixel bus behind a pseudo-terminal, which the driver opens like any serial port.
+
+    python -m gesture_bot.servo.virtual_bus ROBOT
+
+prints the port of a bus with ROBOT's servos in its rest pose, and serves it until Ctrl-C.
+"""
+
+import contextlib
+import json
+import os
+import pty
+import select
+import subprocess
+import sys
+import time
+import tty
+from dataclasses import asdict
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from gesture_bot.base.errors import BusError, GestureBotError
+from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN
+from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
+from gesture_bot.servo.virtual_wire import VirtualWire
+
+if TYPE_CHECKING:
+    from gesture_bot.retarget.robot import Robot
+
+LONGEST_STEP = 0.01
+"""Motion is computed in steps of at most this [s]."""
+
+
+def servo_specs(robot: "Robot") -> list[ServoSpec]:
+    """The servos of a `retarget.robot.Robot`, standing in its rest pose."""
+    return [
+        ServoSpec(row.id, row.model, round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)))
+        for row, angle in zip(robot.servos, robot.rest, strict=True)
+    ]
+
+
+def open_pseudo_terminal() -> tuple[int, str]:
+    """The servos' end of a new pseudo-terminal (a file descriptor) and the path of the controller's end."""
+    servos_end, controllers_end = pty.openpty()
+    tty.setraw(controllers_end)
+    # Our own copy of the controller's end stays open, so that the line outlives a controller that closes it.
+    return servos_end, os.ttyname(controllers_end)
+
+
+def serve(wire: VirtualWire, servos_end: int, stop: int) -> None:
+    """Answer packets in real time until the file descriptor `stop` has something to read, or ends."""
+    last = time.monotonic()
+    while True:
+        readable, _, _ = select.select([servos_end, stop], [], [], 10 * LONGEST_STEP)
+        now = time.monotonic()
+        while last < now:
+            step = min(now - last, LONGEST_STEP)
+            wire.advance(step)
+            last += step
+        if stop in readable:
+            return
+        if servos_end in readable:
+            os.write(servos_end, wire.receive(os.read(servos_end, 4096)))
+
+
+class VirtualBus:
+    """A virtual bus in a process of its own, so that it takes no time from the driver.
+
+    It ends with the block, and also when the process that started it dies.
+
+    Args:
+        robot: A `retarget.robot.Robot`; its servos stand in the rest pose.
+
+    Attributes:
+        port: Path of the serial port.
+    """
+
+    port: str
+
+    def __init__(self, robot: "Robot"):
+        self._specs = servo_specs(robot)
+
+    def __enter__(self) -> "VirtualBus":
+        # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
+        # in our terminal must not reach it, since the driver still has to bring the arms to rest.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __spec__.name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert self._process.stdin and self._process.stdout
+        print(json.dumps([asdict(spec) for spec in self._specs]), file=self._process.stdin, flush=True)
+        self.port = self._process.stdout.readline().strip()
+        if not self.port:
+            raise BusError("the virtual bus did not start")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        assert self._process.stdin and self._process.stdout
+        self._process.stdin.close()
+        self._process.stdout.close()
+        self._process.wait()
+
+
+def _child() -> None:
+    specs = [ServoSpec(**row) for row in json.loads(sys.stdin.readline())]
+    servos_end, port = open_pseudo_terminal()
+    print(port, flush=True)
+    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno())
+
+
+def main() -> None:
+    """Serve the bus of the robot named on the command line, or, without one, be the child of a VirtualBus."""
+    if len(sys.argv) == 1:
+        _child()
+        return
+    from gesture_bot.retarget.robot import load_robot  # which the child does without, to start fast
+
+    try:
+        with VirtualBus(load_robot(sys.argv[1])) as bus, contextlib.suppress(KeyboardInterrupt):
+            print(bus.port, flush=True)
+            while True:
+                time.sleep(3600)
+    except GestureBotError as error:
+        sys.exit(f"virtual_bus: {error}")
+
+
+if __name__ == "__main__":
+    main()

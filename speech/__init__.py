@@ -1,0 +1,1 @@
+"""Sound and text in: 15 Hz speech features, spoken words with their times, keywords."""

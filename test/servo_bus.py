@@ -1,0 +1,60 @@
+"""Virtual buses for tests: in a thread of the test, with every packet on record."""
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from dynamixel_sdk.robotis_def import INST_SYNC_WRITE, INST_WRITE
+
+from gesture_bot.retarget.robot import Robot
+from gesture_bot.servo.virtual_bus import open_pseudo_terminal, serve, servo_specs
+from gesture_bot.servo.virtual_servo import VirtualServo
+from gesture_bot.servo.virtual_wire import VirtualWire
+
+
+class RecordingWire(VirtualWire):
+    """A wire that remembers what was written: (id, address, bytes), sync writes servo by servo."""
+
+    port: str
+
+    def __init__(self, servos):
+        super().__init__(servos)
+        self.writes: list[tuple[int, int, bytes]] = []
+
+    def _single(self, servo_id, instruction, parameters):
+        if instruction == INST_WRITE:
+            self.writes.append((servo_id, int.from_bytes(parameters[:2], "little"), parameters[2:]))
+        return super()._single(servo_id, instruction, parameters)
+
+    def _broadcast(self, instruction, parameters):
+        if instruction == INST_SYNC_WRITE:
+            address, size = (int.from_bytes(parameters[i : i + 2], "little") for i in (0, 2))
+            for at in range(4, len(parameters), size + 1):
+                self.writes.append((parameters[at], address, parameters[at + 1 : at + 1 + size]))
+        return super()._broadcast(instruction, parameters)
+
+    def written(self, servo_id: int, register: str) -> list[int]:
+        """Values written to a register of a servo, in order."""
+        item = self.servos[servo_id].model.table[register]
+        return [
+            int.from_bytes(data, "little")
+            for written_id, address, data in self.writes
+            if (written_id, address) == (servo_id, item.address)
+        ]
+
+
+@contextmanager
+def recorded_bus(robot: Robot) -> Iterator[RecordingWire]:
+    wire = RecordingWire(map(VirtualServo, servo_specs(robot)))
+    servos_end, wire.port = open_pseudo_terminal()
+    stop_reading, stop = os.pipe()
+    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading))
+    thread.start()
+    try:
+        yield wire
+    finally:
+        os.close(stop)
+        thread.join()
+        os.close(stop_reading)
+        os.close(servos_end)

@@ -1,0 +1,67 @@
+"""Emotions: every label of hri_msgs/Expression, and the plane of valence and arousal."""
+
+import pytest
+
+from gesture_bot.base.errors import FileFormatError, InvalidValueError
+from gesture_bot.base.files import config_dir
+from gesture_bot.matching.emotions import LABELS, find_emotion, load_emotions
+
+EMOTIONS = load_emotions()
+
+
+def test_every_label_is_there():
+    assert set(EMOTIONS) == set(LABELS)
+    assert len(LABELS) == 25
+
+
+def test_no_two_emotions_share_a_place():
+    assert len({(emotion.valence, emotion.arousal) for emotion in EMOTIONS.values()}) == 25
+
+
+def test_a_label_wins_over_the_plane():
+    assert find_emotion(EMOTIONS, "sad", 1.0, 1.0).name == "sad"
+
+
+@pytest.mark.parametrize("name", LABELS)
+def test_each_place_means_its_emotion(name):
+    assert find_emotion(EMOTIONS, "", EMOTIONS[name].valence, EMOTIONS[name].arousal).name == name
+
+
+def test_the_nearest_emotion_is_meant():
+    assert find_emotion(EMOTIONS, "", 1.0, 0.4).name == "happy"
+    assert find_emotion(EMOTIONS, "", 0.05, -0.05).name == "neutral"
+
+
+def test_an_unknown_label_is_answered_with_the_known():
+    with pytest.raises(InvalidValueError, match="'cheerful'; valid: neutral, .*bored"):
+        find_emotion(EMOTIONS, "cheerful", 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("valence", "arousal"), [(float("nan"), 0.0), (0.0, 1.5), (-2.0, 0.0)])
+def test_a_place_outside_the_plane_is_refused(valence, arousal):
+    with pytest.raises(InvalidValueError, match="-1 to 1"):
+        find_emotion(EMOTIONS, "", valence, arousal)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("hand: both", "hand: feet", "constraints.0.hand.*left.*right.*both.*feet"),
+        ("valence: 0.8", "valence: 8", "happy.valence"),
+        ("labels: [happy]", "labels: [glad]", "happy.labels.0.*glad"),
+        ("bored:", "dull:", "dull.*neutral"),
+        ("value: 20", "value: 20, colour: red", "colour"),
+    ],
+)
+def test_a_file_with_a_mistake_says_where(tmp_path, old, new, named):
+    path = tmp_path / "emotions.yaml"
+    path.write_text((config_dir() / "emotions.yaml").read_text().replace(old, new, 1))
+    with pytest.raises(FileFormatError, match=named):
+        load_emotions(path)
+
+
+def test_a_file_that_lacks_an_emotion_says_which(tmp_path):
+    path = tmp_path / "emotions.yaml"
+    path.write_text("neutral: {valence: 0, arousal: 0, labels: [neutral]}")
+    with pytest.raises(FileFormatError, match="missing: angry, sad"):
+        load_emotions(path)

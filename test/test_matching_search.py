@@ -1,0 +1,152 @@
+"""The search, held against a slow literal transcription of the method."""
+
+import math
+
+import numpy as np
+import pytest
+from small_database import small_database
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.keypoints import INDEX, MATCHED
+from gesture_bot.matching.search import Search
+
+DATABASE = small_database(recordings=10)
+SEARCH = Search(DATABASE)
+SEQUENCES = len(DATABASE.starts)
+
+
+def z_scored(frames):
+    frames = frames.astype(np.float64)
+    return (frames - frames.mean(axis=0)) / frames.std(axis=0)
+
+
+POSES = z_scored(np.concatenate([DATABASE.keypoints[:, INDEX[name]] for name in MATCHED], axis=1))
+SOUNDS = z_scored(DATABASE.features[:, :14])
+
+
+def pose_feature(row):
+    return [number for offset in (0, 2, 4, 6) for number in POSES[row + offset].tolist()]
+
+
+def audio_feature(row):
+    return [number for offset in range(0, 16, 2) for number in SOUNDS[row + offset].tolist()]
+
+
+# The features of every window, so that the reference is only slow where the method is.
+POSE_FEATURES = [[pose_feature(start + f) for f in range(57)] for start in DATABASE.starts]
+AUDIO_FEATURES = [[audio_feature(start + f) for f in range(57)] for start in DATABASE.starts]
+
+
+def cosine_distance(a, b):
+    if a == b:
+        return 0.0
+    return 1 - sum(x * y for x, y in zip(a, b, strict=True)) / (math.hypot(*a) * math.hypot(*b))
+
+
+def literal_search(pose_query, audio_query, mask, k, preselection):
+    """MM22 section 4.2, step by step: sequence and frame of the winner, and the number of survivors."""
+    measures = {"pose": (math.dist, POSE_FEATURES, pose_query)}
+    measures["audio"] = (cosine_distance, AUDIO_FEATURES, audio_query)
+    first = measures["audio" if preselection == "audio" else "pose"]
+    survivors = []
+    for sequence in range(SEQUENCES):
+        best, best_frame = math.inf, None
+        for frame in range(64 - 8 + 1):
+            if mask[sequence, frame] and mask[sequence, frame + 7]:
+                measure, features, query = first
+                distance = measure(features[sequence][frame], query)
+                if distance != 0 and distance < best:
+                    best, best_frame = distance, frame
+        if best_frame is not None:
+            survivors.append((sequence, best_frame))
+    if not survivors:
+        return None
+    sums = [0] * len(survivors)
+    for name in ("pose",) if preselection == "pose_only" else ("pose", "audio"):
+        measure, features, query = measures[name]
+        distances = [measure(features[sequence][frame], query) for sequence, frame in survivors]
+        for rank, survivor in enumerate(sorted(range(len(survivors)), key=lambda i: distances[i])):
+            sums[survivor] += rank
+    order = sorted(range(len(survivors)), key=lambda i: sums[i])
+    return *survivors[order[min(k, len(order)) - 1]], len(survivors)
+
+
+def random_query(generator):
+    """A row of the database or something between two, for pose and sound."""
+    rows = generator.integers(0, len(POSES) - 14, 4)
+    share = generator.choice([0.0, 0.4])
+    pose = (1 - share) * np.array(pose_feature(rows[0])) + share * np.array(pose_feature(rows[1]))
+    audio = (1 - share) * np.array(audio_feature(rows[2])) + share * np.array(audio_feature(rows[3]))
+    return pose, audio
+
+
+@pytest.mark.parametrize("preselection", ["pose", "audio", "pose_only"])
+@pytest.mark.parametrize("share", [0.02, 0.15, 0.5, 1.0])
+def test_finds_what_the_method_finds(preselection, share):
+    generator = np.random.default_rng([int(100 * share), len(preselection)])
+    for k in [*range(1, 16), *range(1, 11)]:
+        pose, audio = random_query(generator)
+        # Runs of frames, as a control would leave them, and scattered ones.
+        curve = (
+            generator.random((SEQUENCES, 64)) if k % 2 else np.repeat(generator.random((SEQUENCES, 8)), 8, 1)
+        )
+        mask = curve < share
+        expected = literal_search(pose.tolist(), audio.tolist(), mask, k, preselection)
+        match = SEARCH.find(pose, audio, mask, k, preselection)
+        assert (match and (match.sequence, match.frame, match.candidates)) == expected
+
+
+def test_ties_go_to_the_first_sequence():
+    """The last recording repeats the first, and both alone are allowed: every distance ties."""
+    mask = np.zeros((SEQUENCES, 64), bool)
+    last = DATABASE.recording.max()
+    mask[(DATABASE.recording == 0) | (DATABASE.recording == last)] = True
+    generator = np.random.default_rng(3)
+    for _ in range(20):
+        pose, audio = random_query(generator)
+        for preselection in ("pose", "audio", "pose_only"):
+            match = SEARCH.find(pose, audio, mask, 1, preselection)
+            assert DATABASE.recording[match.sequence] == 0
+            expected = literal_search(pose.tolist(), audio.tolist(), mask, 1, preselection)
+            assert (match.sequence, match.frame, match.candidates) == expected
+
+
+def test_the_own_frame_of_the_query_is_skipped():
+    row = SEARCH.row(5, 20)
+    pose, audio = SEARCH.pose_at(row), SEARCH.audio_of(DATABASE.features[row:])
+    match = SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool))
+    assert match.pose_distance > 0
+    only = np.zeros((SEQUENCES, 64), bool)
+    only[5, [20, 27]] = True
+    assert SEARCH.find(pose, audio, only) is None
+
+
+def test_distances_are_those_of_the_window_found():
+    generator = np.random.default_rng(1)
+    pose, audio = random_query(generator)
+    match = SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool))
+    assert match.pose_distance == pytest.approx(math.dist(POSE_FEATURES[match.sequence][match.frame], pose))
+    expected = cosine_distance(AUDIO_FEATURES[match.sequence][match.frame], audio.tolist())
+    assert match.audio_distance == pytest.approx(expected)
+
+
+def test_queries_from_outside_agree_with_rows_of_the_database():
+    row = SEARCH.row(7, 3)
+    assert np.allclose(SEARCH.pose_at(row), pose_feature(row))
+    assert np.array_equal(SEARCH.audio_of(DATABASE.features[row : row + 15]), audio_feature(row))
+    held = SEARCH.pose_of(DATABASE.keypoints[row]).reshape(4, 24)
+    assert np.allclose(held, POSES[row])
+
+
+def test_nothing_eligible_is_said():
+    pose, audio = random_query(np.random.default_rng(0))
+    assert SEARCH.find(pose, audio, np.zeros((SEQUENCES, 64), bool)) is None
+
+
+@pytest.mark.parametrize(
+    ("k", "preselection", "valid"), [(0, "pose", "1 to 15"), (16, "pose", "1 to 15"), (1, "x", "pose_only")]
+)
+def test_bad_settings_are_named(k, preselection, valid):
+    pose, audio = random_query(np.random.default_rng(0))
+    with pytest.raises(InvalidValueError, match=valid):
+        SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool), k, preselection)

@@ -1,0 +1,69 @@
+"""Each node by itself: it starts, says what it waits for, and describes its parameters."""
+
+import os
+import sysconfig
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from gesture_bot.nodes.graph import NODES
+
+from conftest import running, wait_until
+
+EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
+
+
+@pytest.fixture(scope="module")
+def alone(demo_corpus):
+    """All nodes, each in a process and a namespace of its own: {name: (process, output lines)}."""
+    with ExitStack() as stack:
+        nodes = {}
+        for node in NODES:
+            process = stack.enter_context(
+                running([str(EXECUTABLES / node.name), "--ros-args", "-r", f"__ns:=/alone/{node.name}"])
+            )
+            os.set_blocking(process.stdout.fileno(), False)
+            nodes[node.name] = (process, [])
+        give_up = time.monotonic() + 60
+        while any(not lines for _, lines in nodes.values()) and time.monotonic() < give_up:
+            for _process, lines in nodes.values():
+                lines.extend(iter(_process.stdout.readline, ""))
+            time.sleep(0.1)
+        yield nodes
+
+
+@pytest.mark.parametrize("name", [node.name for node in NODES])
+def test_says_what_it_waits_for(alone, name):
+    process, lines = alone[name]
+    assert process.poll() is None, "".join(lines)
+    waits = [line for line in lines if "waits for" in line]
+    assert len(waits) == 1, lines
+
+
+def test_parameters_are_described(alone, listener):
+    from rcl_interfaces.srv import DescribeParameters, ListParameters
+
+    for graph_node in NODES:
+        prefix = f"/alone/{graph_node.name}/{graph_node.name}"
+        listed = _call(listener, ListParameters, f"{prefix}/list_parameters", ListParameters.Request())
+        ours = [name for name in listed.result.names if "." not in name and name not in ROS_PARAMETERS]
+        assert set(graph_node.arguments) <= set(ours)
+        described = _call(
+            listener, DescribeParameters, f"{prefix}/describe_parameters", DescribeParameters.Request(names=ours)
+        )
+        for descriptor in described.descriptors:
+            assert len(descriptor.description) > 10, (graph_node.name, descriptor.name)
+            assert descriptor.read_only
+
+
+ROS_PARAMETERS = {"use_sim_time", "start_type_description_service"}
+
+
+def _call(node, service, name, request):
+    client = node.create_client(service, name)
+    assert client.wait_for_service(10.0), name
+    future = client.call_async(request)
+    wait_until(future.done, 10.0, name)
+    node.destroy_client(client)
+    return future.result()

@@ -1,0 +1,182 @@
+"""The running graph, from text to measured joints, as a user sees it on the topics."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.base.keypoints import INDEX
+from gesture_bot.msg import Constraint, Control, Emotion
+from gesture_bot.nodes.messages import clip_from, trajectory_to
+from gesture_bot.nodes.node import PLAN, STATE
+from gesture_bot.retarget.robot import load_robot
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
+
+from conftest import command, running, wait_until
+
+TEXT = (
+    "Hello, today we walk along the river and count the boats that pass, and then we go on to the old market, "
+    "where people sell bread and flowers, and in the evening we sit by the fire and tell each other stories."
+)
+
+
+@pytest.fixture
+def graph(listener, demo_corpus):
+    """The whole graph in one process, and a node that listens and publishes."""
+    with running(command("run")) as process:
+        wait_until(lambda: listener.record.joint_states and listener.record.refined, 40, "the graph to move")
+        listener.process = process
+        yield listener
+
+
+@pytest.fixture
+def say(graph):
+    publisher = graph.create_publisher(String, "say", PLAN)
+    wait_until(publisher.get_subscription_count, 10, "somebody to listen on say")
+    return lambda text: publisher.publish(String(data=text))
+
+
+def refined_wrists(record, begin, end):
+    """(n, 2, 3) left and right wrist of the refined frames seen between two moments [m]."""
+    frames = {}
+    for heard in record.refined:
+        clip = clip_from(heard.message)
+        frames.update(enumerate(clip.keypoints, clip.start))
+    wanted = [frames[f] for f in sorted(frames) if begin <= f / FRAME_RATE < end]
+    return np.array(wanted)[:, [INDEX["left_wrist"], INDEX["right_wrist"]]]
+
+
+def speech_end(record):
+    """The moment at which the last utterance's sound ends, once all of it is out."""
+    last = record.audio[-1]
+    return last.stamp + len(last.message.samples) / last.message.sample_rate if last.message.last else None
+
+
+def test_text_moves_the_robot_inside_its_limits(graph, say):
+    say("Hello! I am glad to see you.")
+    wait_until(lambda: graph.record.audio and speech_end(graph.record), 20, "the sentence")
+    wait_until(lambda: graph.now() > speech_end(graph.record) + 1.0, 20, "the end of the sentence")
+    record = graph.record
+    assert [heard.message.text for heard in record.words][:2] == ["Hello", "I"]
+    assert "hello" in [heard.message.gesture for heard in record.keywords]
+    assert {"speech", "bank", "rest"} <= {heard.message.source for heard in record.selected}
+
+    times, positions = record.joint_positions()
+    assert len(times) / (times[-1] - times[0]) >= 50
+    limits = load_robot("toa").limits
+    tick = 2 * np.pi / 4096
+    assert (positions >= limits.lower - tick).all()
+    assert (positions <= limits.upper + tick).all()
+    assert (np.ptp(positions, axis=0) > 0.3).sum() >= 4, "the arms should have moved"
+
+
+def test_emotion_changes_the_speed_and_control_the_height(graph, say):
+    emotion = graph.create_publisher(Emotion, "emotion", STATE)
+    control = graph.create_publisher(Control, "control", STATE)
+    say(TEXT + " " + TEXT)
+    wait_until(lambda: graph.record.audio, 20, "speech")
+    begin = graph.record.audio[0].stamp
+    changes = {}
+    for name, at, message in (
+        ("sad", 0.0, Emotion(expression="sad")),
+        ("angry", 7.0, Emotion(expression="angry")),
+        ("neutral", 14.0, Emotion(expression="neutral")),
+    ):
+        wait_until(lambda at=at: graph.now() >= begin + at, 20, name)
+        changes[name] = graph.now()
+        emotion.publish(message)
+    wait_until(lambda: graph.now() >= changes["neutral"] + 7, 20, "neutral speech")
+    high = Constraint(quantity="wrist_height", hand="left", value=85.0, unit="percentile")
+    control.publish(Control(constraints=[high]))
+    changes["high"] = graph.now()
+    wait_until(lambda: graph.now() >= changes["high"] + 6, 20, "controlled speech")
+    assert graph.now() < (speech_end(graph.record) or np.inf), "the speech was too short for this test"
+
+    def speed(name, after, length):
+        wrists = refined_wrists(graph.record, changes[name] + after, changes[name] + after + length)
+        return np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean() * FRAME_RATE
+
+    assert speed("angry", 2.0, 4.5) >= 1.5 * speed("sad", 2.0, 4.5)
+
+    def left_height(name):
+        return refined_wrists(graph.record, changes[name] + 2.0, changes[name] + 5.5)[:, 0, 2].mean()
+
+    assert left_height("high") > left_height("neutral") + 0.05
+    state = graph.record.states[-1].message
+    assert state.constraints[0].quantity == "wrist_height"
+    assert 0 < state.eligible < 0.5
+
+
+def test_bad_messages_change_nothing(graph):
+    emotion = graph.create_publisher(Emotion, "emotion", STATE)
+    control = graph.create_publisher(Control, "control", STATE)
+    wait_until(lambda: graph.record.states, 10, "the selector's state")
+    wait_until(control.get_subscription_count, 10, "the selector")
+    before = len(graph.record.states)
+    emotion.publish(Emotion(expression="sadd"))
+    control.publish(Control(constraints=[Constraint(quantity="wrist_height", value=float("nan"))]))
+    control.publish(Control(constraints=[Constraint(quantity="wrist_hight", value=0.1)]))
+    time.sleep(0.5)
+    assert len(graph.record.states) == before
+    graph.process.send_signal(signal.SIGINT)
+    output = graph.process.stdout.read()
+    assert "'sadd'; valid: neutral, angry, sad" in output
+    assert "nan" in output
+    assert "'wrist_hight'; valid: wrist_height, " in output
+    assert "Traceback" not in output
+
+
+def test_operator_takes_an_arm_and_gives_it_back_and_stop_latches(graph, say):
+    robot = load_robot("toa")
+    say(TEXT)
+    wait_until(lambda: graph.record.audio, 20, "speech")
+    teleop = graph.create_publisher(JointTrajectoryMessage, "teleop/joint_trajectory", PLAN)
+    wait_until(teleop.get_subscription_count, 10, "the mux")
+    elbow = robot.joints.index("left_elbow")
+    target = 0.5 * (robot.limits.lower[elbow] + robot.limits.upper[elbow])
+    from gesture_bot.base.trajectory import JointTrajectory
+
+    taken = graph.now()
+    while graph.now() < taken + 3.0:
+        now = graph.now()
+        teleop.publish(
+            trajectory_to(
+                JointTrajectory(("left_elbow",), now + np.array([0.0, 0.3]), np.full((2, 1), target), np.zeros((2, 1)))
+            )
+        )
+        time.sleep(0.1)
+    _times, positions = graph.record.joint_positions()
+    assert positions[-1, elbow] == pytest.approx(target, abs=0.03)
+    assert np.ptp(positions[-150:, robot.joints.index("right_elbow")]) > 0.02, "the other arm goes on"
+    wait_until(
+        lambda: "teleop" not in graph.record.owners[-1].message.owners, 5, "the operator's arm to be given back"
+    )
+
+    reset = graph.create_client(Trigger, "reset")
+    stop = graph.create_publisher(Bool, "stop", PLAN)
+    wait_until(stop.get_subscription_count, 10, "the mux")
+    stop.publish(Bool(data=True))
+    time.sleep(0.6)
+    stopped = len(graph.record.joint_states)
+    time.sleep(1.0)
+    _, positions = graph.record.joint_positions()
+    assert np.ptp(positions[stopped:], axis=0).max() < 0.005, "a stop holds"
+    reset.call_async(Trigger.Request())
+    moved = len(graph.record.joint_states)
+    time.sleep(2.5)
+    _, positions = graph.record.joint_positions()
+    assert np.ptp(positions[moved:], axis=0).max() > 0.02, "a reset lets the gestures go on"
+
+
+def test_interrupt_ends_it_within_two_seconds(graph, say):
+    say(TEXT)
+    wait_until(lambda: graph.record.audio, 20, "speech")
+    time.sleep(2.0)
+    graph.process.send_signal(signal.SIGINT)
+    begin = time.monotonic()
+    assert graph.process.wait(5) == 0
+    assert time.monotonic() - begin < 2.0
+    assert "Traceback" not in graph.process.stdout.read()

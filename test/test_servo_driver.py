@@ -1,0 +1,289 @@
+"""The driver on a virtual bus: what reaches the servos, what comes back, and what happens in trouble."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from servo_bus import recorded_bus
+
+from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.models import WATCHDOG_ERROR, signed
+from gesture_bot.servo.table import ServoTable
+from gesture_bot.servo.virtual_bus import VirtualBus
+from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
+
+ROBOT = load_robot("toa")
+ELBOW = ROBOT.joints.index("left_elbow")
+ELBOW_ID = ROBOT.servos[ELBOW].id
+DT = 0.01
+T0 = 1000.0
+
+
+def robot_with(**bus):
+    return replace(ROBOT, bus=ROBOT.bus.model_copy(update=bus))
+
+
+@pytest.fixture
+def wire():
+    with recorded_bus(ROBOT) as wire:
+        yield wire
+
+
+@pytest.fixture
+def driver(wire):
+    driver = Driver(robot_with(on_exit="off"), wire.port)
+    driver.start()
+    yield driver
+    driver.close()
+
+
+def run(driver, seconds, start=T0):
+    """Tick in real time; returns the feedback of each tick."""
+    began = time.monotonic()
+    feedback = []
+    for k in range(round(seconds / DT)):
+        time.sleep(max(began + k * DT - time.monotonic(), 0))
+        feedback.append(driver.tick(start + k * DT))
+    return feedback
+
+
+def elbow_path(*angles, seconds=0.5):
+    """The left elbow alone, from angle to angle, at rest in each."""
+    times = T0 + seconds * np.arange(len(angles))
+    positions = np.array(angles, float)[:, None]
+    return JointTrajectory(("left_elbow",), times, positions, np.zeros_like(positions))
+
+
+def sent_angles(wire, joint):
+    """All goals that a joint's servo got [rad]."""
+    row = ROBOT.servos[joint]
+    goals = np.array([signed(goal, 4) for goal in wire.written(row.id, "Goal Position")])
+    return row.direction * ((goals - 2048) * 2 * np.pi / 4096 - row.offset)
+
+
+def test_torque_comes_on_where_the_joints_are(wire):
+    # Somebody has moved the arm, and the servos remember other goals and settings.
+    elbow = wire.servos[ELBOW_ID]
+    elbow.position = 2222.0
+    elbow.set("Operating Mode", 1)
+    elbow.set("Drive Mode", 4)
+    driver = Driver(robot_with(on_exit="off"), wire.port)
+    driver.start()
+    registers = elbow.model.table
+    order = [address for servo_id, address, _ in wire.writes if servo_id == ELBOW_ID]
+    on = max(i for i, address in enumerate(order) if address == registers["Torque Enable"].address)
+    assert wire.written(ELBOW_ID, "Torque Enable") == [0, 1]
+    assert wire.written(ELBOW_ID, "Operating Mode") == [3]
+    assert wire.written(ELBOW_ID, "Drive Mode") == [0]
+    assert wire.written(ELBOW_ID, "Goal Position") == [2222]
+    assert order.index(registers["Goal Position"].address) < on
+    assert elbow.get("Bus Watchdog") == 10, "200 ms in units of 20 ms"
+    assert elbow.get("Return Delay Time") == 0
+    assert elbow.get("Profile Velocity") * 0.229 * 2 * np.pi / 60 == pytest.approx(
+        ROBOT.limits.velocity[ELBOW], abs=0.03
+    )
+    driver.close()
+    assert elbow.get("Torque Enable") == 0
+
+
+def test_settings_that_are_right_are_not_written_again(wire, driver):
+    driver.close()
+    wire.writes.clear()
+    driver.start()
+    assert wire.written(ELBOW_ID, "Return Delay Time") == []
+
+
+def test_an_arm_that_hangs_down_goes_to_its_first_target_slowly(wire):
+    row = ROBOT.servos[ELBOW]
+    wire.servos[row.id].position -= row.direction * 300  # 0.46 rad
+    driver = Driver(robot_with(on_exit="off"), wire.port)
+    driver.start()
+    driver.set_trajectory(elbow_path(ROBOT.rest[ELBOW]))
+    speeds = [feedback.velocities[ELBOW] for feedback in run(driver, 0.4)]
+    driver.close()
+    assert 0.4 < max(speeds) < 0.6
+
+
+def test_joints_move_to_the_goal_and_report_it(driver, wire):
+    rest = ROBOT.rest[ELBOW]
+    driver.set_trajectory(elbow_path(rest, rest + 0.5))
+    feedback = run(driver, 0.9)
+    assert feedback[0].positions == pytest.approx(ROBOT.rest, abs=2e-3)
+    assert feedback[-1].positions[ELBOW] == pytest.approx(rest + 0.5, abs=2e-3)
+    others = np.arange(len(ROBOT.joints)) != ELBOW
+    assert feedback[-1].positions[others] == pytest.approx(ROBOT.rest[others], abs=2e-3)
+    assert feedback[-1].stamp == pytest.approx(T0 + 0.89)
+    fastest = max(feedback, key=lambda f: f.velocities[ELBOW])
+    assert fastest.velocities[ELBOW] == pytest.approx(1.5, abs=0.3)
+    assert max(f.efforts[ELBOW] for f in feedback) > 0.05
+    assert driver.status.cycles == 90
+    assert driver.status.read_failures == 0
+    assert driver.status.command_age == pytest.approx(0.89)
+    assert driver.status.interventions.position == driver.status.interventions.velocity == 0
+    (health,) = driver.status.health.values()
+    assert health.temperature == pytest.approx(25, abs=1)
+    assert (health.voltage, health.errors) == (12.0, ())
+
+
+def test_a_trajectory_that_asks_too_much_stays_inside_the_limits_on_the_bus(driver, wire):
+    rest, limits = ROBOT.rest[ELBOW], ROBOT.limits
+    wire.writes.clear()
+    driver.set_trajectory(elbow_path(rest, 9.0, -9.0, rest, seconds=0.2))
+    run(driver, 1.2)
+    sent = sent_angles(wire, ELBOW)
+    resolution = 2 * np.pi / 4096
+    assert limits.lower[ELBOW] - resolution <= sent.min() <= sent.max() <= limits.upper[ELBOW] + resolution
+    assert np.abs(np.diff(sent)).max() / DT <= limits.velocity[ELBOW] + resolution / DT
+    assert np.abs(np.diff(sent, 2)).max() / DT**2 <= limits.acceleration[ELBOW] + 2 * resolution / DT**2
+    assert driver.status.interventions.position > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"joints": ("left_tail",)}, "left_tail.*valid: left_shoulder_pitch"),
+        ({"positions": np.array([[0.4], [np.nan]])}, "positions must be finite numbers: nan"),
+        ({"velocities": np.array([[0.0], [np.inf]])}, "velocities must be finite numbers: inf"),
+        ({"times": np.array([T0, T0])}, "times must increase"),
+        ({"times": np.array([T0, np.nan])}, "times must be finite numbers: nan"),
+        ({"positions": np.zeros((2, 3))}, "wrong shape"),
+        ({"times": np.array([])}, "no point"),
+    ],
+)
+def test_a_bad_trajectory_is_refused_and_the_last_one_goes_on(driver, change, words):
+    rest = ROBOT.rest[ELBOW]
+    driver.set_trajectory(elbow_path(rest, rest + 0.2, seconds=0.2))
+    run(driver, 0.1)
+    with pytest.raises(InvalidValueError, match=words):
+        driver.set_trajectory(replace(elbow_path(0.0, 1.0), **change))
+    feedback = run(driver, 0.25, T0 + 0.1)
+    assert feedback[-1].positions[ELBOW] == pytest.approx(rest + 0.2, abs=5e-3)
+
+
+def test_when_commands_end_in_motion_the_joint_brakes(driver, wire):
+    rest = ROBOT.rest[ELBOW]
+    moving = replace(elbow_path(rest, rest + 0.3, seconds=0.3), velocities=np.array([[0.0], [2.0]]))
+    driver.set_trajectory(moving)
+    run(driver, 0.8)
+    sent = sent_angles(wire, ELBOW)
+    assert (np.diff(sent) > -2e-3).all(), "it goes on a little, and never back"
+    assert rest + 0.3 < sent[-1] < rest + 0.6
+    assert np.abs(np.diff(sent, 2)).max() / DT**2 <= ROBOT.limits.acceleration[ELBOW] + 2 * 0.0016 / DT**2
+
+
+def test_the_servos_stop_by_themselves_when_nobody_ticks(driver, wire):
+    rest, elbow = ROBOT.rest[ELBOW], wire.servos[ELBOW_ID]
+    driver.set_trajectory(elbow_path(rest, rest + 1.0, seconds=2.0))
+    run(driver, 0.8)
+    time.sleep(0.5)
+    assert elbow.get("Bus Watchdog") == WATCHDOG_ERROR
+    where = elbow.position
+    time.sleep(0.1)
+    assert elbow.position == pytest.approx(where, abs=1)
+    feedback = run(driver, 1.0, T0 + 2.0)
+    assert driver.status.watchdog_stops == 1
+    assert driver.status.late_cycles >= 1
+    assert elbow.get("Bus Watchdog") == 10
+    assert max(abs(f.velocities[ELBOW]) for f in feedback) < 0.6, "eased back in"
+
+
+def test_a_silent_servo_makes_the_robot_hold_until_it_is_back(driver, wire):
+    rest = ROBOT.rest[ELBOW]
+    driver.set_trajectory(elbow_path(rest, rest + 1.0, seconds=3.0))
+    run(driver, 0.3)
+    gone = wire.servos.pop(31)
+    feedback = run(driver, 0.6, T0 + 0.3)
+    assert driver.status.silent == ("head_pan",)
+    assert driver.status.read_failures >= 5
+    assert np.ptp([f.positions[ELBOW] for f in feedback[-20:]]) < 3e-3, "the others hold, and are still read"
+    gone.reboot()
+    wire.servos[31] = gone
+    feedback = run(driver, 1.2, T0 + 0.9)
+    assert driver.status.silent == ()
+    assert gone.get("Torque Enable") == 1
+    assert feedback[-1].positions[ELBOW] > feedback[0].positions[ELBOW] + 0.1
+
+
+def test_a_port_that_does_not_exist_is_named():
+    with pytest.raises(BusError, match="cannot open the serial port: '/dev/ttyNONE'; valid: "):
+        Driver(ROBOT, "/dev/ttyNONE").start()
+
+
+def test_a_port_that_vanishes_is_named():
+    with VirtualBus(ROBOT) as bus:
+        driver = Driver(ROBOT, bus.port)
+        driver.start()
+        driver.tick(T0)
+    with pytest.raises(BusError, match="the serial port has vanished: '/dev/pts"):
+        driver.tick(T0 + DT)
+    with pytest.raises(BusError, match="vanished"):
+        driver.close()
+
+
+def test_a_port_in_use_is_named(wire, driver):
+    with pytest.raises(BusError, match="another program uses the serial port"):
+        Driver(ROBOT, wire.port).start()
+    driver.tick(T0)
+
+
+def test_a_missing_servo_is_named_with_those_found(wire):
+    del wire.servos[ELBOW_ID]
+    with pytest.raises(BusError, match=r"left_elbow.*14; valid: 11, 12, 13, 15"):
+        Driver(ROBOT, wire.port).start()
+
+
+def test_a_servo_of_another_model_is_named(wire):
+    wire.servos[ELBOW_ID] = VirtualServo(ServoSpec(ELBOW_ID, "XM430-W350"))
+    with pytest.raises(BusError, match="servo 14 of left_elbow.*'XM430-W350'; valid: XL430-W250"):
+        Driver(ROBOT, wire.port).start()
+
+
+def test_a_servo_in_need_of_help_is_named(wire):
+    wire.servos[ELBOW_ID].set("Hardware Error Status", 1 << 2)
+    with pytest.raises(BusError, match="left_elbow reports overheating"):
+        Driver(ROBOT, wire.port).start()
+
+
+def test_a_servo_that_cannot_reach_the_joints_range_is_named(wire):
+    wire.servos[ELBOW_ID].set("Max Position Limit", 2100)
+    wire.servos[ELBOW_ID].set("Min Position Limit", 2000)
+    with pytest.raises(BusError, match="2000 to 2100; left_elbow needs"):
+        Driver(ROBOT, wire.port).start()
+
+
+def test_an_unknown_model_in_the_servo_table_is_named():
+    servos = (replace(ROBOT.servos[0], model="AX-12"), *ROBOT.servos[1:])
+    with pytest.raises(RobotError, match="'AX-12'; valid: XL330-M077"):
+        Driver(replace(ROBOT, servos=servos), "/dev/null")
+
+
+@pytest.mark.parametrize("on_exit", ["rest_then_off", "hold", "off"])
+def test_exit(wire, on_exit):
+    driver = Driver(robot_with(on_exit=on_exit), wire.port)
+    driver.start()
+    rest, elbow = ROBOT.rest[ELBOW], wire.servos[ELBOW_ID]
+    driver.set_trajectory(elbow_path(rest, rest + 0.6, seconds=0.4))
+    run(driver, 0.5)
+    wire.writes.clear()
+    began = time.monotonic()
+    driver.close()
+    assert time.monotonic() - began < 1.5
+    assert elbow.get("Bus Watchdog") == 0
+    assert elbow.get("Torque Enable") == (on_exit == "hold")
+    home = ServoTable(ROBOT).ticks(ROBOT.rest)[ELBOW]
+    if on_exit == "rest_then_off":
+        assert elbow.position == pytest.approx(home, abs=10)
+        sent = sent_angles(wire, ELBOW)
+        assert np.abs(np.diff(sent, 2)).max() / DT**2 <= ROBOT.limits.acceleration[ELBOW] + 2 * 0.0016 / DT**2
+    else:
+        assert abs(elbow.position - home) > 300
+    driver.close()
+
+
+def test_ticks_before_the_start_are_refused():
+    with pytest.raises(BusError, match="not started"):
+        Driver(ROBOT, "/dev/null").tick(T0)

@@ -1,0 +1,180 @@
+"""The motion mux: who owns a joint, and how it passes from one owner to the next."""
+
+import numpy as np
+import pytest
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.servo.mux import MotionMux
+
+JOINTS = ("left", "right", "head")
+REST = np.array([0.1, -0.1, 0.0])
+T0 = 1.7e9
+DT = 0.02
+
+
+def wave(joints=JOINTS, start=T0, seconds=4.0, amplitude=0.5, rate=1.0):
+    """A sine about the rest pose, at rest at neither end."""
+    times = start + np.arange(0, seconds + 1e-9, 0.02)
+    phase = 2 * np.pi * rate * (times - start)[:, None]
+    base = np.array([REST[JOINTS.index(joint)] for joint in joints])
+    speeds = np.tile(2 * np.pi * rate * amplitude * np.cos(phase), len(joints))
+    return JointTrajectory(joints, times, base + amplitude * np.sin(phase), speeds)
+
+
+def pose(joint, angle, start):
+    return JointTrajectory((joint,), np.array([start]), np.array([[angle]]), np.zeros((1, 1)))
+
+
+def play(mux, start, seconds, events=()):
+    """Tick every 20 ms; `events` are (time, call). Returns time, position, velocity of first points."""
+    events = sorted(events, key=lambda event: event[0])
+    out = []
+    for now in start + DT * np.arange(round(seconds / DT)):
+        while events and events[0][0] <= now + 1e-6:
+            events.pop(0)[1]()
+        trajectory = mux.tick(now)
+        assert trajectory.joints == JOINTS
+        assert trajectory.times[0] == now and trajectory.times[-1] == pytest.approx(now + 0.1)
+        out.append((now, trajectory.positions[0], trajectory.velocities[0]))
+    return tuple(map(np.array, zip(*out, strict=True)))
+
+
+def assert_smooth(positions, velocities):
+    """No step: the positions move as the velocities say, and the velocities change by an acceleration."""
+    moved = np.diff(positions, axis=0)
+    mean = 0.5 * (velocities[1:] + velocities[:-1]) * DT
+    assert np.abs(moved - mean).max() < 2e-3
+    assert np.abs(np.diff(velocities, axis=0)).max() < 60 * DT
+
+
+def test_it_begins_at_rest_owned_by_nobody():
+    mux = MotionMux(JOINTS, REST)
+    trajectory = mux.tick(T0)
+    np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (6, 1)))
+    assert set(mux.owners.values()) == {"nobody"}
+
+
+def test_a_gesture_is_taken_up_smoothly_then_followed_and_its_last_point_held():
+    mux = MotionMux(JOINTS, REST)
+    gesture = wave(seconds=2.0)
+    mux.set_source("gesture", gesture, T0)
+    times, positions, velocities = play(mux, T0, 4.0)
+    assert_smooth(positions, velocities)
+    followed = (times > T0 + 0.6) & (times < T0 + 2.0)
+    np.testing.assert_allclose(positions[followed], gesture.at(times[followed])[0], atol=1e-6)
+    assert set(mux.owners.values()) == {"gesture"}
+    np.testing.assert_allclose(velocities[-1], 0, atol=1e-6)
+
+
+def test_a_new_gesture_replaces_the_old_from_its_first_point_on():
+    mux = MotionMux(JOINTS, REST)
+    old, new = wave(), wave(start=T0 + 2.0, amplitude=0.2)
+    mux.set_source("gesture", old, T0)
+    play(mux, T0, 1.0)
+    mux.set_source("gesture", new, T0 + 1.0)
+    times, positions, _ = play(mux, T0 + 1.0, 2.0)
+    early = times < T0 + 2.0
+    np.testing.assert_allclose(positions[early], old.at(times[early])[0], atol=1e-6)
+    np.testing.assert_allclose(positions[~early], new.at(times[~early])[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 0.98, 8))
+def test_teleop_takes_one_arm_and_gives_it_back_without_a_step(offset):
+    mux = MotionMux(JOINTS, REST)
+    gesture = wave(seconds=8.0)
+    mux.set_source("gesture", gesture, T0)
+    play(mux, T0, 1.0)
+    take = T0 + 1.0 + offset
+    owners = []
+    events = [
+        (take, lambda: mux.set_source("teleop", wave(("left",), take, 1.0, 0.8, 0.7), take)),
+        (take + 0.5, lambda: owners.append(mux.owners)),
+        (take + 0.9, lambda: owners.append(mux.owners)),
+        (take + 1.1, lambda: owners.append(mux.owners)),
+    ]
+    times, positions, velocities = play(mux, T0 + 1.0, 5.0, events)
+    assert_smooth(positions, velocities)
+    assert [owner["left"] for owner in owners] == ["teleop", "teleop", "gesture"]
+    assert {owner["right"] for owner in owners} == {"gesture"}
+    expected = gesture.at(times)[0]
+    np.testing.assert_allclose(positions[:, 1:], expected[:, 1:], atol=1e-6)
+    given_back = times > take + 1.0 + 0.65
+    np.testing.assert_allclose(positions[given_back], expected[given_back], atol=1e-6)
+    during = (times > take + 0.65) & (times < take + 1.0)
+    assert np.abs(positions[during, 0] - expected[during, 0]).max() > 0.2
+
+
+def test_teleop_keeps_a_joint_while_its_messages_come():
+    mux = MotionMux(JOINTS, REST)
+    for k in range(20):
+        mux.set_source("teleop", pose("head", 0.3, T0 + 0.2 * k), T0 + 0.2 * k)
+        _, positions, velocities = play(mux, T0 + 0.2 * k, 0.2)
+        assert mux.owners == {"left": "nobody", "right": "nobody", "head": "teleop"}
+    assert positions[-1] == pytest.approx([*REST[:2], 0.3])
+    play(mux, T0 + 4.0, 0.5)
+    assert mux.owners["head"] == "nobody"
+    _, positions, _ = play(mux, T0 + 4.5, 0.5)
+    assert positions[-1, 2] == pytest.approx(0.3), "nobody owns it: it stays"
+
+
+def test_teleop_that_comes_back_does_not_begin_where_it_once_ended():
+    mux = MotionMux(JOINTS, REST)
+    mux.set_source("teleop", pose("left", 0.8, T0), T0)
+    play(mux, T0, 2.0)
+    mux.set_source("gesture", pose("left", -0.5, T0 + 2.0), T0 + 2.0)
+    play(mux, T0 + 2.0, 1.0)
+    mux.set_source("teleop", pose("left", -0.6, T0 + 3.2), T0 + 3.0)
+    _, positions, velocities = play(mux, T0 + 3.0, 1.0)
+    assert_smooth(positions, velocities)
+    assert positions[:, 0].max() <= -0.5 + 1e-9
+    assert positions[:, 0].min() == pytest.approx(-0.6, abs=0.02)
+
+
+def test_a_lock_masks_gestures_but_not_teleop():
+    mux = MotionMux(JOINTS, REST)
+    mux.set_source("gesture", wave(seconds=10.0), T0)
+    play(mux, T0, 1.1)
+    mux.set_lock(True)
+    _, positions, velocities = play(mux, T0 + 1.1, 1.0)
+    assert_smooth(positions, velocities)
+    assert np.ptp(positions[-20:], axis=0).max() < 1e-2
+    assert set(mux.owners.values()) == {"nobody"}
+    mux.set_source("teleop", pose("head", 0.4, T0 + 2.1), T0 + 2.1)
+    play(mux, T0 + 2.1, 0.3)
+    assert mux.owners == {"left": "nobody", "right": "nobody", "head": "teleop"}
+    mux.set_lock(False)
+    _, positions, velocities = play(mux, T0 + 2.4, 1.5)
+    assert_smooth(positions, velocities)
+    assert set(mux.owners.values()) == {"gesture"}
+
+
+def test_stop_brakes_and_latches_until_reset():
+    mux = MotionMux(JOINTS, REST)
+    mux.set_source("gesture", wave(seconds=10.0), T0)
+    _, positions, velocities = play(mux, T0, 1.0)
+    mux.stop()
+    _, braking, slowing = play(mux, T0 + 1.0, 1.0)
+    assert_smooth(np.vstack([positions, braking]), np.vstack([velocities, slowing]))
+    assert np.abs(slowing[5]).max() < 0.4 * np.abs(slowing[0]).max(), "within 0.1 s"
+    mux.set_source("teleop", wave(start=T0 + 2.0), T0 + 2.0)
+    mux.set_source("gesture", wave(start=T0 + 2.0), T0 + 2.0)
+    _, positions, _ = play(mux, T0 + 2.0, 1.0)
+    assert np.ptp(positions, axis=0).max() < 1e-3
+    assert mux.stopped and set(mux.owners.values()) == {"stop"}
+    mux.reset()
+    _, positions, velocities = play(mux, T0 + 3.0, 1.0)
+    assert_smooth(positions, velocities)
+    assert set(mux.owners.values()) == {"teleop"}
+
+
+def test_bad_messages_are_refused_and_change_nothing():
+    mux = MotionMux(JOINTS, REST)
+    with pytest.raises(InvalidValueError, match="'tail'; valid: left, right, head"):
+        mux.set_source("teleop", pose("tail", 0.0, T0), T0)
+    with pytest.raises(InvalidValueError, match="positions must be finite numbers: nan"):
+        mux.set_source("teleop", pose("left", np.nan, T0), T0)
+    with pytest.raises(InvalidValueError, match="'ghost'; valid: gesture, teleop"):
+        mux.set_source("ghost", pose("left", 0.0, T0), T0)
+    mux.tick(T0)
+    assert set(mux.owners.values()) == {"nobody"}

@@ -1,0 +1,240 @@
+"""The virtual bus, as an independent client with the DynamixelSDK sees it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PortHandler, Protocol2PacketHandler
+from dynamixel_sdk.protocol2_packet_handler import (
+    ERRBIT_ALERT,
+    ERRNUM_ACCESS,
+    ERRNUM_CRC,
+    ERRNUM_DATA_LENGTH,
+    ERRNUM_DATA_LIMIT,
+    ERRNUM_DATA_RANGE,
+    ERRNUM_INSTRUCTION,
+)
+
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo.virtual_bus import VirtualBus
+from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
+from gesture_bot.servo.virtual_wire import HEADER, VirtualWire, status_packet, with_crc
+
+SDK = Protocol2PacketHandler()
+TORQUE, WATCHDOG, PROFILE_VELOCITY, GOAL, VELOCITY, POSITION = 64, 98, 112, 116, 128, 132
+
+
+class Wire(PortHandler):
+    """A port straight to the wire, without a pseudo-terminal or a clock."""
+
+    def __init__(self, wire: VirtualWire):
+        super().__init__("")
+        self.wire = wire
+        self.answer = b""
+
+    def clearPort(self):  # noqa: N802
+        self.answer = b""
+
+    def writePort(self, packet):  # noqa: N802
+        self.answer += self.wire.receive(bytes(packet))
+        return len(packet)
+
+    def readPort(self, length):  # noqa: N802
+        data, self.answer = self.answer[:length], self.answer[length:]
+        return data
+
+
+@pytest.fixture
+def port() -> Wire:
+    specs = [
+        ServoSpec(1, "XL430-W250", 2048),
+        ServoSpec(2, "XM430-W350", 1000),
+        ServoSpec(9, "XL430-W250", 3000),
+    ]
+    return Wire(VirtualWire(map(VirtualServo, specs)))
+
+
+def write(port, servo_id, address, size, value):
+    call = {1: SDK.write1ByteTxRx, 2: SDK.write2ByteTxRx, 4: SDK.write4ByteTxRx}[size]
+    result, error = call(port, servo_id, address, value)
+    assert result == COMM_SUCCESS
+    return error
+
+
+def test_the_sdk_finds_the_servos_of_a_robot_on_the_pseudo_terminal():
+    robot = load_robot("toa")
+    with VirtualBus(robot) as bus:
+        port = PortHandler(bus.port)
+        assert port.openPort()
+        found, result = SDK.broadcastPing(port)
+        assert result == COMM_SUCCESS
+        assert sorted(found) == sorted(servo.id for servo in robot.servos)
+        assert SDK.ping(port, robot.servos[0].id) == (1020, COMM_SUCCESS, 0)
+        assert SDK.ping(port, 200)[1] != COMM_SUCCESS
+        port.closePort()
+        assert port.openPort(), "the line outlives a client that hangs up"
+        assert SDK.ping(port, robot.servos[0].id)[1] == COMM_SUCCESS
+        port.closePort()
+    assert not os.path.exists(bus.port)
+
+
+def test_the_bus_dies_with_its_parent():
+    code = (
+        "import os, time; from gesture_bot.servo.virtual_bus import VirtualBus;"
+        "from gesture_bot.retarget.robot import load_robot;"
+        "bus = VirtualBus(load_robot('toa')).__enter__(); print(bus.port, flush=True); time.sleep(60)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    port = parent.stdout.readline().strip()
+    assert os.path.exists(port)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    parent.stdout.close()
+    deadline = time.monotonic() + 3
+    while os.path.exists(port) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not os.path.exists(port)
+
+
+def test_the_bus_of_a_robot_is_served_from_the_command_line():
+    command = [sys.executable, "-m", "gesture_bot.servo.virtual_bus", "toa"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        port = PortHandler(process.stdout.readline().strip())
+        assert port.openPort()
+        assert SDK.ping(port, 11) == (1020, COMM_SUCCESS, 0)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(3) == 0
+
+
+def test_an_unknown_robot_is_named_without_a_traceback():
+    command = [sys.executable, "-m", "gesture_bot.servo.virtual_bus", "r2d2"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert "'r2d2'; valid: toa" in ended.stderr and "Traceback" not in ended.stderr
+
+
+def test_group_read_and_write(port):
+    goals = GroupSyncWrite(port, SDK, GOAL, 4)
+    for servo_id, goal in ((1, 2100), (9, 2900)):
+        goals.addParam(servo_id, list(goal.to_bytes(4, "little")))
+    assert goals.txPacket() == COMM_SUCCESS
+    for fast in (False, True):
+        group = GroupSyncRead(port, SDK, GOAL, 4)
+        for servo_id in (9, 1, 2):
+            group.addParam(servo_id)
+        assert (group.fastSyncRead() if fast else group.txRxPacket()) == COMM_SUCCESS
+        assert [group.getData(servo_id, GOAL, 4) for servo_id in (1, 2, 9)] == [2100, 1000, 2900]
+
+
+def test_a_fast_sync_read_breaks_off_at_a_missing_servo(port):
+    group = GroupSyncRead(port, SDK, POSITION, 4)
+    for servo_id in (1, 5, 2):
+        group.addParam(servo_id)
+    assert group.fastSyncRead() != COMM_SUCCESS
+
+
+def test_stuffing(port):
+    # The bytes FF FF FD in a value must not look like the beginning of a packet.
+    assert status_packet(1, 0, b"\xff\xff\xfd\x01").count(HEADER[:3]) == 2
+    port.answer = status_packet(1, 0, b"\xff\xff\xfd\x01")
+    port.setPacketTimeout(100)
+    assert SDK.readRx(port, 1, 4)[0] == [0xFF, 0xFF, 0xFD, 0x01]
+    stuffed = [*HEADER, 1, 10, 0, 3, GOAL, 0, 0xFF, 0xFF, 0xFD, 0xFD, 0xFF]
+    port.writePort(with_crc(stuffed))
+    assert port.wire.servos[1].get("Goal Position") == 2048, "-131073 is out of the position limits"
+    assert port.answer[8] == ERRNUM_DATA_LIMIT
+
+
+def test_rubbish_between_packets_is_skipped_and_split_packets_are_joined(port):
+    ping = with_crc([*HEADER, 1, 3, 0, 1])
+    wire = port.wire
+    assert wire.receive(b"\x00\xff\xff noise \xff" + ping[:4]) == b""
+    assert wire.receive(ping[4:]) == status_packet(1, 0, (1060).to_bytes(2, "little") + b"\x30")
+
+
+@pytest.mark.parametrize(
+    ("address", "size", "value", "error"),
+    [
+        (POSITION, 4, 0, ERRNUM_ACCESS),  # read-only
+        (999, 1, 0, ERRNUM_ACCESS),  # no register
+        (11, 1, 17, ERRNUM_DATA_RANGE),
+        (WATCHDOG, 1, 200, ERRNUM_DATA_RANGE),
+        (GOAL, 2, 2000, ERRNUM_DATA_LENGTH),
+        (GOAL, 4, 4096, ERRNUM_DATA_LIMIT),
+        (11, 1, 4, 0),
+        (GOAL, 4, 2000, 0),
+    ],
+)
+def test_writes_are_checked(port, address, size, value, error):
+    assert write(port, 1, address, size, value) == error
+
+
+def test_errors_of_the_packet_itself(port):
+    assert port.wire.receive(with_crc([*HEADER, 1, 3, 0, 1])[:-1] + b"\x00")[8] == ERRNUM_CRC
+    assert SDK.factoryReset(port, 1, 0xFF)[1] == ERRNUM_INSTRUCTION
+
+
+def test_eeprom_is_locked_while_torque_is_on(port):
+    assert write(port, 1, 11, 1, 4) == 0
+    write(port, 1, TORQUE, 1, 1)
+    assert write(port, 1, 11, 1, 3) == ERRNUM_ACCESS
+    write(port, 1, TORQUE, 1, 0)
+    assert write(port, 1, 11, 1, 3) == 0
+
+
+def test_hardware_errors_raise_the_alert_bit_and_reboot_clears_them(port):
+    port.wire.servos[1].set("Hardware Error Status", 4)
+    write_error = write(port, 1, TORQUE, 1, 1)
+    assert write_error == ERRBIT_ALERT
+    assert SDK.reboot(port, 1) == (COMM_SUCCESS, 0)
+    assert SDK.read1ByteTxRx(port, 1, TORQUE)[0] == 0
+
+
+def test_status_return_level(port):
+    write(port, 1, 68, 1, 0)
+    assert SDK.ping(port, 1)[1] == COMM_SUCCESS
+    assert SDK.read1ByteTxRx(port, 1, TORQUE)[1] != COMM_SUCCESS
+
+
+def test_a_joint_moves_only_with_torque_and_not_faster_than_its_profile(port):
+    servo = port.wire.servos[1]
+    write(port, 1, GOAL, 4, 3048)
+    port.wire.advance(0.5)
+    assert servo.position == 2048
+    write(port, 1, PROFILE_VELOCITY, 4, 100)
+    write(port, 1, TORQUE, 1, 1)
+    for _ in range(30):
+        port.wire.advance(0.01)
+    assert SDK.read4ByteTxRx(port, 1, VELOCITY)[0] == 100
+    assert servo.position == pytest.approx(2048 + 0.3 * 100 * 0.229 / 60 * 4096, abs=1)
+    assert SDK.read2ByteTxRx(port, 1, 126)[0] > 500, "Present Load"
+    for _ in range(300):
+        port.wire.advance(0.01)
+    assert SDK.read4ByteTxRx(port, 1, POSITION)[0] == 3048
+    assert servo.temperature > 25.0
+
+
+def test_the_watchdog_stops_a_servo_that_hears_nothing(port):
+    servo = port.wire.servos[1]
+    write(port, 1, PROFILE_VELOCITY, 4, 50)
+    write(port, 1, TORQUE, 1, 1)
+    write(port, 1, WATCHDOG, 1, 5)
+    write(port, 1, GOAL, 4, 4000)
+    for _ in range(20):
+        port.wire.advance(0.05)
+        SDK.ping(port, 9)  # any packet on the bus counts
+    assert servo.velocity > 0
+    port.wire.advance(0.11)
+    for _ in range(20):
+        port.wire.advance(0.01)
+    assert servo.get("Bus Watchdog") == 0xFF
+    stopped = servo.position
+    assert stopped < 3500
+    assert write(port, 1, GOAL, 4, 3900) == ERRNUM_DATA_RANGE
+    assert write(port, 1, WATCHDOG, 1, 0) == 0
+    assert write(port, 1, GOAL, 4, 3900) == 0
+    port.wire.advance(0.01)
+    assert servo.position > stopped
