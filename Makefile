@@ -13,7 +13,7 @@ demo: $(VENV)/installed
 	$(BIN)/gesture-bot demo
 
 test: $(VENV)/installed-dev lint
-	$(BIN)/python -m pytest
+	$(BIN)/pytest
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .

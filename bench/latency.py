@@ -28,7 +28,7 @@ TEXT = (
 )
 
 
-def measure(arguments: list[str], text: str | None) -> dict[str, object]:
+def measure(log: Path, arguments: list[str], text: str | None) -> dict[str, object]:
     """Run the graph for one utterance, listen, and look at its process."""
     rclpy.init()
     recorder = Recorder()
@@ -37,7 +37,7 @@ def measure(arguments: list[str], text: str | None) -> dict[str, object]:
     say = recorder.create_publisher(String, "say", PLAN)
     record = recorder.record
     begin = recorder.now()
-    with running_graph(*arguments) as graph:
+    with running_graph(log, *arguments) as graph:
         process = psutil.Process(graph.pid)
         while not _first_motion(record):
             executor.spin_once(timeout_sec=0.05)
@@ -89,7 +89,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         wav = Path(folder) / "speech.wav"
         soundfile.write(wav, load_voice("embedded").speak(TEXT).samples, SAMPLE_RATE)
-        figures = {"text": measure([], TEXT), "wav": measure([f"speech:={wav}"], None)}
+        log = Path(folder) / "graph.log"
+        figures = {"text": measure(log, [], TEXT), "wav": measure(log, [f"speech:={wav}"], None)}
     for source, result in figures.items():
         print(f"{source}:")
         for name, value in result.items():

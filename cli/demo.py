@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,17 +40,19 @@ def run_demo(output: Path) -> int:
     robot = load_robot("toa")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
+    output.mkdir(parents=True, exist_ok=True)
+    log = output / "graph.log"
     rclpy.init()
     director = DemoDirector(robot)
     executor = SingleThreadedExecutor()
     executor.add_node(director)
     try:
-        with running_graph() as graph, Live(console=console, auto_refresh=False) as live:
+        with running_graph(log) as graph, Live(console=console, auto_refresh=False) as live:
             drawn = 0.0
             for _ in director.play():
                 executor.spin_once(timeout_sec=0.02)
                 if graph.poll() is not None:
-                    raise GestureBotError("the graph ended early; exit status", graph.returncode)
+                    raise GestureBotError("the graph ended early; its log says why", str(log))
                 if time.monotonic() - drawn > REFRESH:
                     drawn = time.monotonic()
                     live.update(_table(director.record, director.now()), refresh=True)
@@ -69,20 +70,21 @@ def run_demo(output: Path) -> int:
 
 
 @contextmanager
-def running_graph(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """`gesture-bot run` in a process of its own, as for every user; its log is shown if it fails."""
-    with tempfile.TemporaryFile() as log:
-        command = [sys.executable, "-m", "gesture_bot.cli.main", "run", *arguments]
-        process = subprocess.Popen(command, stdout=log, stderr=log)
+def running_graph(log: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """`gesture-bot run` in a process of its own, as for every user, which ends with the block.
+
+    Args:
+        log: Where its output goes.
+        arguments: NAME:=VALUE.
+    """
+    command = [sys.executable, "-m", "gesture_bot.cli.main", "run", *arguments]
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output)
         try:
             yield process
+        finally:
             process.send_signal(signal.SIGINT)
             process.wait(10)
-        finally:
-            process.kill()
-            if process.wait() != 0:
-                log.seek(0)
-                sys.stderr.write(log.read().decode(errors="replace"))
 
 
 def _table(record: Record, now: float) -> Table:

@@ -22,6 +22,7 @@ from gesture_bot.evaluate.timeline import Span, Timeline, WristHeights, write_ti
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.node import seconds
 from gesture_bot.nodes.recorder import Heard, Record
+from gesture_bot.refine.smoothing import RADIUS
 from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.robot import Robot
 
@@ -30,7 +31,7 @@ def write_demo_files(folder: Path, record: Record, robot: Robot) -> dict[str, An
     """Write speech.wav, joint_states.csv, summary.json, timeline.png and gesture.gif.
 
     Args:
-        folder: Where to; made if need be.
+        folder: Where to.
         record: What the demo heard.
         robot: The robot that moved.
 
@@ -43,7 +44,6 @@ def write_demo_files(folder: Path, record: Record, robot: Robot) -> dict[str, An
     samples, rate = _speech(record)
     summary = _summary(record, robot, times, positions, wrists)
 
-    folder.mkdir(parents=True, exist_ok=True)
     with write_whole(folder / "speech.wav") as temporary:
         soundfile.write(temporary, samples, rate, format="WAV")
     write_joint_csv(folder / "joint_states.csv", robot.joints, times - begin, positions)
@@ -79,14 +79,13 @@ def write_demo_files(folder: Path, record: Record, robot: Robot) -> dict[str, An
 def _summary(
     record: Record, robot: Robot, times: np.ndarray, positions: np.ndarray, wrists: dict[str, np.ndarray]
 ) -> dict[str, Any]:
-    begin = record.audio[0].stamp
     report = motion_report(robot.joints, times, positions, robot.limits)
     return {
         "duration_s": round(times[-1] - times[0], 2),
         "frames_selected": sum(
             len(clip_from(h.message).keypoints) for h in record.selected if h.message.source != "rest"
         ),
-        "keywords": [_keyword(heard, times, wrists, begin) for heard in record.keywords],
+        "keywords": [_keyword(record, heard, times, wrists) for heard in record.keywords],
         "emotion_changes": _changes(heard.message.expression for heard in record.states),
         "teleop_takeovers": sum(
             "teleop" not in before.message.owners and "teleop" in after.message.owners
@@ -98,10 +97,18 @@ def _summary(
     }
 
 
-def _keyword(heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray], begin: float) -> dict[str, Any]:
-    """A keyword, when its stroke was due, and when the robot's hands, or its head's nod, made it."""
-    strokes = [stroke_time(times, wrist, heard.stamp) for wrist in wrists.values()]
+def _keyword(record: Record, heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray]) -> dict[str, Any]:
+    """A keyword, when its stroke was due, and when the robot's hands made it; None where it made no gesture."""
+    made = any(
+        window.message.source == "bank"
+        and window.message.name == heard.message.gesture
+        and window.stamp < heard.stamp + 1.0
+        and window.arrival > heard.arrival
+        for window in record.selected
+    )
+    strokes = [stroke_time(times, wrist, heard.stamp) for wrist in wrists.values()] if made else []
     measured = min((s for s in strokes if s is not None), key=lambda s: abs(s - heard.stamp), default=None)
+    begin = record.audio[0].stamp
     return {
         "word": heard.message.phrase,
         "gesture": heard.message.gesture,
@@ -111,13 +118,16 @@ def _keyword(heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray], beg
 
 
 def _deadline_misses(record: Record) -> int:
-    """Trajectories that came after their first point was due, and bus cycles that came late."""
-    late = sum(heard.arrival > heard.stamp + 0.27 for heard in record.trajectories)
+    """Windows that came too late, trajectories that began after their first new frame, late bus cycles."""
+    windows = record.states[-1].message.late if record.states else 0
+    # A trajectory begins with the frames before a window that are final only now; those may be seen already.
+    known = RADIUS / FRAME_RATE
+    trajectories = sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
     cycles = 0
     if record.diagnostics:
         bus = record.diagnostics[-1].message.status[0]
-        cycles = next(int(v.value) for v in bus.values if v.key == "late_cycles")
-    return late + cycles
+        cycles = next(int(value.value) for value in bus.values if value.key == "late_cycles")
+    return windows + trajectories + cycles
 
 
 def _changes(values: Iterable[Any]) -> int:

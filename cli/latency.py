@@ -7,7 +7,8 @@ import numpy as np
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.nodes.recorder import Heard, Record
 
-STAGES = ("features", "selection", "refinement", "retargeting", "bus")
+LAST_WINDOW = 0.0175
+"""A frame is complete so long after its end at most: its last 25 ms window lies half outside [s]."""
 
 
 def stage_latencies(record: Record) -> dict[str, dict[str, float]]:
@@ -37,11 +38,11 @@ def stage_latencies(record: Record) -> dict[str, dict[str, float]]:
 
 
 def _features(record: Record) -> list[float]:
-    """From the piece of sound that holds a frame's end to the frame's features."""
+    """From the piece of sound that completes a frame to the frame's features."""
     ends = [heard.stamp + len(heard.message.samples) / heard.message.sample_rate for heard in record.audio]
     latencies = []
     for heard in record.features:
-        piece = bisect.bisect_left(ends, heard.stamp + 1 / FRAME_RATE - 1e-4)
+        piece = bisect.bisect_left(ends, heard.stamp + 1 / FRAME_RATE + LAST_WINDOW)
         if piece < len(ends):
             latencies.append(heard.arrival - record.audio[piece].arrival)
     return latencies

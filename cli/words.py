@@ -4,7 +4,8 @@ from gesture_bot.msg import Constraint
 
 
 def constraint_in_words(constraint: Constraint) -> str:
-    """Such as `left wrist height at least the 85th percentile`."""
+    """Such as `left wrist height ≥ p85`, the 85th percentile of the database."""
     quantity = constraint.quantity.replace("_", " ")
-    value = f"{constraint.value:g} percentile" if constraint.unit == Constraint.PERCENTILE else f"{constraint.value:g}"
-    return f"{constraint.hand} {quantity} {constraint.bound.replace('_', ' ')} {value}"
+    sign = "≥" if constraint.bound == "at_least" else "≤"
+    value = f"p{constraint.value:g}" if constraint.unit == "percentile" else f"{constraint.value:g}"
+    return f"{constraint.hand} {quantity} {sign} {value}"

@@ -80,14 +80,13 @@ class DemoDirector(Recorder):
         limits = self._robot.limits
         columns = [self._robot.joints.index(joint) for joint in joints]
         lower, upper = limits.lower[columns], limits.upper[columns]
-        centre = np.clip(self._robot.rest[columns], lower + 0.5, upper - 0.5)
+        centre, swing = lower + 0.6 * (upper - lower), 0.1 * (upper - lower)
         begin = self.now()
         while (now := self.now()) < begin + length:
             times = now + np.arange(0.0, 0.4, 0.05)
             phase = 2 * math.pi * 0.5 * (times - begin)[:, None]
-            trajectory = JointTrajectory(
-                joints, times, centre - 0.4 * np.cos(phase), 0.4 * math.pi * np.sin(phase)
-            )
+            positions, velocities = centre - swing * np.cos(phase), swing * math.pi * np.sin(phase)
+            trajectory = JointTrajectory(joints, times, positions, velocities)
             self._teleop.publish(trajectory_to(trajectory))
             yield from self._wait(0.1)
 

@@ -14,8 +14,8 @@ from gesture_bot.base.errors import GestureBotError, InvalidValueError
 STREAM = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Sound and features: sensor data. Deep enough for the two seconds that text arrives ahead of its sound."""
 
-PLAN = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""Words, windows and trajectories: each one matters."""
+PLAN = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Words, windows and trajectories: each one matters, and the words of a text come all at once."""
 
 STATE = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL

@@ -1,11 +1,13 @@
 """The last node before the robot: trajectories in, servo packets out, measured joint states back."""
 
+import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -15,6 +17,9 @@ from gesture_bot.nodes.node import PLAN, GestureNode, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver, Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
+
+
+RCLError = rclpy_implementation.RCLError
 
 
 class ServoDriver(GestureNode):
@@ -35,6 +40,8 @@ class ServoDriver(GestureNode):
         self._driver.start()
         self._period = 1.0 / rate
         self._stopping = threading.Event()
+        # Python lets another thread go on for 5 ms before it takes turns; half a bus cycle is too long to wait.
+        sys.setswitchinterval(5e-4)
         self._loop = threading.Thread(target=self._run, daemon=True)
         self._loop.start()
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
@@ -57,7 +64,8 @@ class ServoDriver(GestureNode):
             except BusError as error:
                 self.get_logger().error(str(error), throttle_duration_sec=1.0)
             else:
-                self._publish(feedback)
+                with suppress(RCLError):  # the graph may end between two cycles
+                    self._publish(feedback)
             # A late cycle is not made up for: the next one is due a period from now.
             due = max(due + self._period, time.monotonic())
 

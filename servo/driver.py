@@ -41,7 +41,7 @@ class Feedback:
         positions: (j,) [rad].
         velocities: (j,) [rad/s].
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
-        stamp: The tick in which they were read [s since the epoch].
+        stamp: When they were asked [s since the epoch].
     """
 
     positions: np.ndarray
@@ -160,6 +160,7 @@ class Driver:
             BusError: The port has vanished.
         """
         self._open_bus()
+        begin = time.monotonic()
         self._account(now)
         if now >= self._next_health:
             self._next_health = now + HEALTH_PERIOD
@@ -169,7 +170,7 @@ class Driver:
             positions = np.full_like(positions, np.nan)
         self._exchange(positions[0], velocities[0])
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        return Feedback(measured, speeds, efforts, now)
+        return Feedback(measured, speeds, efforts, now + self._reader.asked - begin)
 
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.

@@ -1,5 +1,7 @@
 """Reading where all servos are, although one or the other may not answer."""
 
+import time
+
 import numpy as np
 
 from gesture_bot.servo.bus import Bus
@@ -20,11 +22,13 @@ class PresentReader:
 
     Attributes:
         present: (j,) PRESENT records, each as it was last heard.
+        asked: When they were asked last, on the monotonic clock [s].
         failures: Answers that did not come in time, or were damaged, so far.
     """
 
     def __init__(self, bus: Bus, ids: list[int]):
         self.present = np.zeros(len(ids), PRESENT)
+        self.asked = 0.0
         self.failures = 0
         self._bus = bus
         self._ids = ids
@@ -40,6 +44,7 @@ class PresentReader:
     def read(self) -> None:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
+        self.asked = time.monotonic()
         answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, self._fast)
         if not answers:
             self.failures += 1
