@@ -1,1 +1,1 @@
-"""What every room shares: errors, the frame grid, keypoints, joint trajectories, settings files."""
+"""What every room shares: errors, the frame grid, keypoints, vectors, joint trajectories, settings files."""

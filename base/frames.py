@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 FRAME_RATE = 15
-"""Frames a second, of features and of keypoints (MM22 section 4)."""
+"""Frames a second, of features and of keypoints (MM22)."""
 
 WINDOW = 8
-"""Frames from one search to the next, 533 ms (MM22 section 4)."""
+"""Frames from one search to the next, 533 ms (MM22)."""
 
 
 def frame_time(frame: int) -> float:
@@ -19,7 +19,8 @@ def frame_time(frame: int) -> float:
 
 def first_frame_after(seconds: float) -> int:
     """The first frame that is seen at or after a moment [s since the epoch]."""
-    return math.ceil(seconds * FRAME_RATE - 1e-6)
+    # A double since the epoch is good to a quarter of a microsecond: its own frame must not become the next.
+    return math.ceil(seconds * FRAME_RATE - 1e-4)
 
 
 @dataclass(frozen=True)

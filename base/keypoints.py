@@ -8,7 +8,7 @@ KEYPOINTS = (
     "left_shoulder", "left_elbow", "left_wrist", "left_index", "left_little",
     "right_shoulder", "right_elbow", "right_wrist", "right_index", "right_little",
 )  # fmt: skip
-"""Names of the 17 keypoints, in the order of every (..., 17, 3) array. `index` and `little` are finger roots."""
+"""The 17 keypoints, in the order of every (..., 17, 3) array. `index` and `little` are finger roots."""
 
 INDEX = {name: i for i, name in enumerate(KEYPOINTS)}
 
@@ -23,16 +23,15 @@ PARENTS = {
 """Parent of each keypoint but the pelvis; parents come before their children."""
 
 BONES = tuple((INDEX[parent], INDEX[child]) for child, parent in PARENTS.items())
+"""Parent and child of each of the 16 bones, by index; a parent is placed before its children."""
 
 MATCHED = tuple(
     f"{side}_{part}" for side in ("left", "right") for part in ("wrist", "elbow", "index", "little")
 )
-"""The 8 keypoints of the pose feature (MM22 section 4.1)."""
+"""The 8 keypoints of the pose feature (MM22)."""
 
 _MIRRORED = [
-    INDEX[
-        name.replace("left", "right") if "left" in name else name.replace("right", "left")
-    ]
+    INDEX[name.replace("left", "right") if "left" in name else name.replace("right", "left")]
     for name in KEYPOINTS
 ]
 

@@ -24,9 +24,10 @@ class JointTrajectory:
     velocities: np.ndarray
 
     def at(self, seconds: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities at one moment or several, held still before the first and after the last point.
+        """Positions and velocities at one moment or several.
 
-        Cubic between points, as joint_trajectory_controller interpolates them.
+        Cubic between points, as joint_trajectory_controller interpolates them; still before the first point
+        and after the last one.
 
         Returns:
             (..., j) positions [rad] and (..., j) velocities [rad/s].

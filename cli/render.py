@@ -64,6 +64,7 @@ def render(
         write_joint_csv(output, trajectory.joints, trajectory.times, trajectory.positions)
     else:
         write_robot_gif(output, robot, trajectory.times, trajectory.positions)
+    print(f"wrote {output}: {len(keypoints) / FRAME_RATE:.1f} s of motion")
 
 
 def motion(

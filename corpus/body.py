@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gesture_bot.base.keypoints import INDEX, KEYPOINTS, mirror
+from gesture_bot.base.vectors import across, length, unit
 from gesture_bot.corpus.movement import minimum_jerk
 
 UPPER_ARM = 0.29
@@ -80,18 +81,18 @@ def _arm(hand: np.ndarray, elbows: float) -> np.ndarray:
     wrist = _outside_trunk(hand[:, :3])
     shoulder = NECK + _shrugged(wrist)
     line = wrist - shoulder
-    distance = _norm(line)
+    distance = length(line)
     reached = _soft_limit(distance, REACH)
     along = line / distance
 
     # Two-bone inverse kinematics. An elbow naturally swivels down, a little outward and back.
-    swivel = _unit(_across(np.array([-0.3, 0.15 + elbows, -1.0]), along))
+    swivel = unit(across(np.array([-0.3, 0.15 + elbows, -1.0]), along))
     foot = (UPPER_ARM**2 - FOREARM**2 + reached**2) / (2 * reached)
     elbow = shoulder + foot * along + np.sqrt(UPPER_ARM**2 - foot**2) * swivel
     wrist = shoulder + reached * along
 
     forearm = (wrist - elbow) / FOREARM
-    upward = -_unit(_across(swivel, forearm))
+    upward = -unit(across(swivel, forearm))
     inward = np.cross(forearm, upward)
     roll, flex = hand[:, ROLL, None], hand[:, FLEX, None]
     thumb = np.cos(roll) * upward + np.sin(roll) * inward
@@ -111,7 +112,7 @@ def _shrugged(wrist: np.ndarray) -> np.ndarray:
 
 def _outside_trunk(wrist: np.ndarray) -> np.ndarray:
     """Wrists pushed out of the trunk, an upright elliptic cylinder; the push fades in over centimetres."""
-    radius = _norm(wrist[:, :2] / TRUNK)
+    radius = length(wrist[:, :2] / TRUNK)
     pushed = 1.0 + np.logaddexp(0.0, 12.0 * (radius - 1.0)) / 12.0
     out = wrist.copy()
     out[:, :2] *= pushed / np.maximum(radius, 1e-6)
@@ -121,15 +122,3 @@ def _outside_trunk(wrist: np.ndarray) -> np.ndarray:
 def _soft_limit(value: np.ndarray, limit: float) -> np.ndarray:
     """The value [m], bent within a few centimetres of the limit so that it stays below."""
     return limit - np.logaddexp(0.0, 60.0 * (limit - value)) / 60.0
-
-
-def _across(vector: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    return vector - np.sum(vector * axis, axis=1, keepdims=True) * axis
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / _norm(vectors)
-
-
-def _norm(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=1, keepdims=True)

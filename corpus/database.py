@@ -17,10 +17,10 @@ from gesture_bot.base.keypoints import KEYPOINTS
 from gesture_bot.speech.features import FEATURES
 
 SEQUENCE = 64
-"""Frames of a sequence (T_match in MM22 section 4)."""
+"""Frames of a sequence (T_match in MM22)."""
 
 LOOKAHEAD = 14
-"""Frames of real future that follow every sequence: the reach of the audio feature (MM22 section 4.1)."""
+"""Frames of real future that follow every sequence: the reach of the audio feature (MM22)."""
 
 FORMAT = "gesture_bot database"
 VERSION = 1

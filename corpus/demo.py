@@ -46,7 +46,6 @@ UNSTRESSED = frozenset([
 ])  # fmt: skip
 """Words that carry no stroke: mostly function words."""
 
-
 PROVENANCE = {
     "provenance": "gesture_bot demo corpus: embedded voice, composed motion",
     "licence": "Apache-2.0",

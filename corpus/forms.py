@@ -8,7 +8,7 @@ PALM_UP, PALM_DOWN, PALM_IN = -1.2, 1.1, 0.15
 """Roll of the forearm [rad]."""
 
 NEAREST, FARTHEST = np.array([0.18, -0.15, -0.05]), np.array([0.46, 0.46, 0.54])
-"""Gesture space of the wrist [m]: before the trunk, from the hips to the chin (McNeill 1992, chapter 3)."""
+"""Gesture space of the wrist [m]: before the trunk, from the hips to the chin."""
 
 OWN_SIDE = 0.075
 """Where mirrored hands meet: a wrist's least distance from the middle [m]."""

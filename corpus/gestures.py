@@ -1,7 +1,7 @@
 """From stressed words to gestures: which words get a stroke, and when each phase begins and ends.
 
-A gesture unit is preparation, stroke, hold, perhaps more strokes, and retraction (Kendon 2004, chapter 7;
-McNeill 1992, chapter 3). A stroke ends on the stressed syllable of its word.
+A gesture unit is preparation, stroke, hold, perhaps more strokes, and retraction (Kendon 2004; McNeill 1992).
+Here a stroke ends on the stressed syllable of its word.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,8 @@
 """How an emotion moves: size, height, width, speed and rhythm of gestures, and the carriage of the body.
 
 Sad and bored people move little, low and slowly; joy is high and wide; anger is fast, large, abrupt and
-forward (Wallbott 1998, Bodily expression of emotion; in Laban's words: effort and shape).
+forward. That emotions differ in the amount, the extent and the force of movement is Wallbott's finding
+(Bodily expression of emotion, 1998); the numbers are ours.
 """
 
 from dataclasses import dataclass, replace

@@ -14,6 +14,9 @@ from gesture_bot.retarget.follower import JointLimits
 TICK = 2 * np.pi / 4096
 """Resolution of a Dynamixel X-series servo's position [rad] (Present Position: 0.088 degrees a unit)."""
 
+_STAMP_ERROR = 0.002
+"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later."""
+
 _VELOCITY_SPAN = 0.04
 """Velocities are taken over at least this long [s], so that a tick of the servo does not look like a dash."""
 
@@ -30,8 +33,9 @@ class MotionReport:
 
     Attributes:
         limit_violations: Samples of a joint outside its position limits by more than a tick.
-        joint_jumps: Changes of a joint from one sample to the next that its velocity limit does not
-            allow, by more than two ticks (the rounding of both samples).
+        joint_jumps: Changes of a joint from one sample to the next that its velocity limit does not allow
+            in the time between them and 2 ms (the error of the stamps), by more than two ticks (the
+            rounding of both samples).
         max_velocity_rad_s: Fastest any joint moved, over at least 40 ms [rad/s].
         mean_rate_hz: Samples a second.
         longest_gap_s: Longest time between two samples [s].
@@ -78,7 +82,7 @@ def motion_report(
     lower, upper, velocity = limits.lower[columns], limits.upper[columns], limits.velocity[columns]
     gaps = np.diff(times)
     outside = np.maximum(lower - positions, positions - upper) > TICK
-    jumps = np.abs(np.diff(positions, axis=0)) > velocity * gaps[:, None] + 2 * TICK
+    jumps = np.abs(np.diff(positions, axis=0)) > velocity * (gaps[:, None] + _STAMP_ERROR) + 2 * TICK
     return MotionReport(
         limit_violations=int(outside.sum()),
         joint_jumps=int(jumps.sum()),

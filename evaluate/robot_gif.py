@@ -33,7 +33,7 @@ def write_robot_gif(
     robot: Robot,
     times: np.ndarray,
     positions: np.ndarray,
-    fps: float = 12.0,
+    fps: float = 10.0,
     captions: Sequence[str] | None = None,
 ) -> None:
     """Draw a motion of the robot, seen from its front left, in real time.

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.vectors import across, length, unit
 
 Side = Literal["left", "right"]
 
@@ -109,18 +110,3 @@ def _turned(start: np.ndarray, goal: np.ndarray, share: np.ndarray) -> np.ndarra
     towards = unit(across(b, a))
     turned = np.cos(share * angle) * a + np.sin(share * angle) * towards
     return (length(start) + share * (length(goal) - length(start))) * turned
-
-
-def across(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """The part of vectors (n, 3) across unit vectors (n, 3)."""
-    return vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) at length 1."""
-    return vectors / np.maximum(length(vectors), 1e-9)
-
-
-def length(vectors: np.ndarray) -> np.ndarray:
-    """Lengths (n, 1) of vectors (n, 3)."""
-    return np.linalg.norm(vectors, axis=-1, keepdims=True)

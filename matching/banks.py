@@ -1,4 +1,4 @@
-"""Semantic banks: gestures that mean something, as readable keyframes in YAML (MM22 section 4.2)."""
+"""Semantic banks: gestures that mean something, as readable keyframes in YAML (MM22)."""
 
 from collections.abc import Mapping
 from itertools import pairwise

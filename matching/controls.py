@@ -1,4 +1,4 @@
-"""Motion controls: constraints on quantities, and the mask of frames that keep them (MM22 section 4.2)."""
+"""Motion controls: constraints on quantities, and the mask of frames that keep them (MM22)."""
 
 import math
 from collections.abc import Sequence

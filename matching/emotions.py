@@ -21,7 +21,7 @@ Label = Literal[
 LABELS: tuple[str, ...] = get_args(Label)
 """Labels of hri_msgs/Expression (REP-155)."""
 
-Share = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Emotion:
 class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    valence: Share
-    arousal: Share
+    valence: Coordinate
+    arousal: Coordinate
     labels: tuple[Label, ...]
     constraints: tuple[Constraint, ...] = ()
 

@@ -1,4 +1,4 @@
-"""What the search compares: z-scored poses and sounds, stacked over the frames to come (MM22 section 4.1)."""
+"""What the search compares: z-scored poses and sounds, stacked over the frames to come (MM22)."""
 
 from dataclasses import dataclass
 from typing import Self

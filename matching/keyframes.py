@@ -7,8 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.vectors import length
 from gesture_bot.corpus.movement import minimum_jerk
-from gesture_bot.matching.arms import SIDES, Arm, Side, forearm, length, natural_elbow
+from gesture_bot.matching.arms import SIDES, Arm, Side, forearm, natural_elbow
 from gesture_bot.matching.banks import ArmPose, Gesture, HeadPose, vector
 
 Pose = TypeVar("Pose", ArmPose, HeadPose)

@@ -24,7 +24,8 @@ class Window(KeypointClip):
         pose_distance: Of the search; see search.Match.
         audio_distance: Of the search.
         candidates: Sequences that the search chose from.
-        stroke: When the gesture's stroke is seen [s since the epoch]; NaN where there is none.
+        stroke: When the gesture's stroke is to be seen, at its word or later [s since the epoch]; NaN where
+            there is none. The keyframe of the stroke is selector.STROKE_LEAD earlier.
     """
 
     source: Source

@@ -1,4 +1,4 @@
-"""What the motion controls measure on every frame (MM22 section 4.2; the hand radius is RG22's)."""
+"""What the motion controls measure on every frame (MM22; the hand radius is RG22's)."""
 
 from collections.abc import Callable
 from typing import Literal

@@ -1,4 +1,4 @@
-"""The k-NN search of MM22 section 4.2 over a whole database, exact."""
+"""The k-NN search of MM22 over a whole database, exact."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -137,7 +137,7 @@ class Search:
 
         rows = self._rows[survivors, frames[survivors]]
         pose, audio = self._pose_distance(rows, pose_query), self._audio_distance(rows, audio_query)
-        ranks = _ranks(pose) if preselection == "pose_only" else _ranks(pose) + _ranks(audio)
+        ranks = ranks_of(pose) if preselection == "pose_only" else ranks_of(pose) + ranks_of(audio)
         chosen = np.argsort(ranks, kind="stable")[min(k, len(survivors)) - 1]
         sequence = int(survivors[chosen])
         return Match(
@@ -164,7 +164,8 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(_norm(vectors), 1e-12)[:, None]
 
 
-def _ranks(distances: np.ndarray) -> np.ndarray:
+def ranks_of(distances: np.ndarray) -> np.ndarray:
+    """The place of each number in rising order, from 0; ties in the order given."""
     ranks = np.empty(len(distances), np.int64)
     ranks[np.argsort(distances, kind="stable")] = np.arange(len(distances))
     return ranks

@@ -28,6 +28,13 @@ ONSET = 4
 SHORTEST_PREPARATION = 0.3
 """A person needs at least so long to bring a hand up [s]."""
 
+STROKE_LEAD = 0.08
+"""A stroke is planned to end so much before its word [s].
+
+The smoothing and the servos round off its end, which the robot reaches about so much later; and people make
+a stroke with its word or a little before.
+"""
+
 LATEST_STROKE = 0.7
 """A stroke that would come later than this after its word no longer belongs to it [s]."""
 
@@ -40,7 +47,7 @@ class _Keyword:
 
 @dataclass(frozen=True)
 class _Timing:
-    """First frame of a gesture, its preparation [s], and when its stroke is seen [s]."""
+    """First frame of a gesture, its preparation [s], and when its stroke is seen [s since the epoch]."""
 
     begin: int
     preparation: float
@@ -51,8 +58,9 @@ class Selector:
     """Plans the motion of the upper body, window by window.
 
     Speech is matched in the database, silence is rest, and a keyword is a gesture of the banks. A gesture
-    once begun is finished; the next one may cut its retraction alone. A keyword whose stroke would therefore
-    come more than 0.7 s late, or whose gesture is called again within its cooldown, is dropped.
+    once begun is finished up to its last keyframe; speech that goes on, or the next gesture, cuts its
+    retraction short. A keyword whose stroke would come more than LATEST_STROKE after its word, or within the
+    cooldown of its gesture, is dropped.
 
     Args:
         database: Where windows of speech come from.
@@ -157,10 +165,8 @@ class Selector:
             raise InvalidValueError("gesture", gesture, self._gestures)
         if not math.isfinite(stroke):
             raise InvalidValueError(f"moment of the gesture {gesture}", stroke, ["seconds since the epoch"])
-        if abs(stroke - self._strokes.get(gesture, -math.inf)) > self._gestures[gesture].cooldown:
-            self._strokes[gesture] = stroke
-            self._keywords.append(_Keyword(gesture, stroke))
-            self._keywords.sort(key=lambda keyword: keyword.stroke)
+        self._keywords.append(_Keyword(gesture, stroke))
+        self._keywords.sort(key=lambda keyword: keyword.stroke)
 
     def plan(self, now: float) -> list[Window]:
         """Windows that are new since the last call, so that everything up to `ahead` from now is planned.
@@ -217,12 +223,13 @@ class Selector:
         return any(self._speaks(frame) for frame in range(start, start + WINDOW + ONSET))
 
     def _interrupt_rest(self, plan: Plan, soonest: int) -> None:
-        """Cut the plan where it rests although somebody speaks, but never before a gesture is over."""
+        """Cut the plan where it rests, or hands retract, although somebody speaks."""
         for window in plan.windows:
-            if window.source == "rest" and window.start >= self._free_from:
-                for frame in range(max(window.start, soonest), window.stop):
+            if window.source != "speech":
+                first = max(window.start, soonest, self._free_from)
+                for frame in range(first, window.stop):
                     if self._speaks(frame):
-                        plan.cut(max(frame - ONSET, window.start, soonest))
+                        plan.cut(max(frame - ONSET, first))
                         return
 
     def _speech(self, plan: Plan, frames: int) -> Window | None:
@@ -263,17 +270,19 @@ class Selector:
         return Settling(plan.end - 1, *plan.pose_and_velocity(), self._rest)
 
     def _next_gesture(self, soonest: int) -> _Timing | None:
-        """When the next keyword's gesture begins; keywords that have become too late are dropped."""
+        """When the next keyword's gesture begins; keywords that come too late or too soon are dropped."""
         while self._keywords:
             keyword = self._keywords[0]
             gesture = self._gestures[keyword.name]
             free = max(soonest, self._free_from)
-            onset = gesture.keyframes[0].time
+            onset = gesture.keyframes[0].time - STROKE_LEAD
             # A gesture that begins with a frame leaves the pose of the frame before.
             stroke = max(keyword.stroke, frame_time(free - 1) + SHORTEST_PREPARATION - onset)
-            if stroke - keyword.stroke <= LATEST_STROKE:
+            since_last = stroke - self._strokes.get(keyword.name, -math.inf)
+            if stroke - keyword.stroke <= LATEST_STROKE and since_last > gesture.cooldown:
                 preparation = min(gesture.preparation, stroke + onset - frame_time(free - 1))
-                return _Timing(first_frame_after(stroke + onset - preparation), preparation, stroke)
+                begin = first_frame_after(stroke + onset - preparation)
+                return _Timing(max(begin, free), preparation, stroke)
             self._keywords.pop(0)
         return None
 
@@ -282,9 +291,11 @@ class Selector:
         keyword = self._keywords.pop(0)
         gesture = self._gestures[keyword.name]
         plan.cut(timing.begin)
-        over = timing.stroke + gesture.keyframes[-1].time
+        self._strokes[keyword.name] = timing.stroke
+        planned = timing.stroke - STROKE_LEAD
+        over = planned + gesture.keyframes[-1].time
         self._free_from = first_frame_after(over)
         frames = np.arange(timing.begin, first_frame_after(over + gesture.retraction) + 1)
         underlying = self._settle(plan).at(frames)
-        keypoints = render(gesture, frames / FRAME_RATE - timing.stroke, timing.preparation, underlying)
+        keypoints = render(gesture, frames / FRAME_RATE - planned, timing.preparation, underlying)
         return Window(timing.begin, keypoints, "bank", keyword.name, stroke=timing.stroke)

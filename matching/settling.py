@@ -1,4 +1,4 @@
-"""Silence: a body that comes to rest close to where it is, and breathes (RG22 section 4.4)."""
+"""Silence: a body that comes to rest close to where it is, and breathes (RG22)."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX, bone_lengths, mirror, with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching.quantities import wrist_height, wrist_speed
+from gesture_bot.matching.search import ranks_of
 
 HALF_LIFE = 0.45
 """After so long, half of the way to rest is left [s]."""
@@ -15,12 +16,9 @@ HALF_LIFE = 0.45
 BREATH = 3.8
 """Seconds from one breath to the next."""
 
-_MOVED = {"elbow": (0.0, 0.006, 0.003), "wrist": (0.006, 0.003, 0.008)}
-"""How far a breath moves the left elbow and wrist [m]; the hand goes with the wrist."""
-
-_BREATHING = np.zeros((len(INDEX), 3))
-for _name in ("elbow", "wrist", "index", "little"):
-    _BREATHING[INDEX[f"left_{_name}"]] = _MOVED.get(_name, _MOVED["wrist"])
+_BREATHING = np.zeros((len(INDEX), 3))  # how far a breath moves each keypoint [m]
+_BREATHING[INDEX["left_elbow"]] = 0.0, 0.006, 0.003
+_BREATHING[[INDEX[f"left_{part}"] for part in ("wrist", "index", "little")]] = 0.006, 0.003, 0.008
 _BREATHING += mirror(_BREATHING)
 
 
@@ -31,16 +29,12 @@ def rest_pose(database: Database) -> np.ndarray:
     alone, where the database has any.
     """
     keypoints = database.keypoints.astype(np.float64)
-    unrest = _ranks(wrist_height(keypoints).max(axis=1)) + _ranks(wrist_speed(keypoints).max(axis=1))
+    unrest = ranks_of(wrist_height(keypoints).max(axis=1)) + ranks_of(wrist_speed(keypoints).max(axis=1))
     neutral = np.array([label == "neutral" for label in database.emotions])[database.emotion]
     starts = database.starts[neutral] if neutral.any() else database.starts
     rows = np.unique(starts[:, None] + np.arange(SEQUENCE))
     calmest = rows[np.argsort(unrest[rows], kind="stable")[: len(rows) // 10]]
     return with_bone_lengths(keypoints[calmest].mean(axis=0), np.median(bone_lengths(keypoints), axis=0))
-
-
-def _ranks(values: np.ndarray) -> np.ndarray:
-    return np.argsort(np.argsort(values, kind="stable"), kind="stable")
 
 
 @dataclass(frozen=True)

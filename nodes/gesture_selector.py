@@ -30,7 +30,7 @@ class GestureSelector(GestureNode):
             "k", 1, "Which of the best matches is taken: 1 the best, more for variety", bounds=(1, 15)
         )
         preselection = self.parameter(
-            "preselection", "pose", "What is searched first (MM22 section 4.1)", choices=get_args(Preselection)
+            "preselection", "pose", "What is searched first (MM22)", choices=get_args(Preselection)
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
         self._delay = self.parameter(
@@ -52,8 +52,8 @@ class GestureSelector(GestureNode):
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
-        self.listen(Emotion, "emotion", self._on_emotion, STATE)
-        self.listen(Control, "control", self._on_control, STATE)
+        self.listen_to_state(Emotion, "emotion", self._on_emotion)
+        self.listen_to_state(Control, "control", self._on_control)
         self.every(1 / 30, self._plan)
         self.waits_for("features on speech/features; rests until then")
 

@@ -26,8 +26,8 @@ class MotionMux(GestureNode):
         self._owners_publisher = self.create_publisher(JointOwners, "motion_mux/owners", STATE)
         for source in (mux.GESTURE, mux.TELEOP):
             self._follow(source.name)
-        self.listen(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data), STATE)
-        self.listen(Bool, "stop", self._on_stop, PLAN)
+        self.listen_to_state(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data))
+        self.listen_to_state(Bool, "stop", self._on_stop)
         self.create_service(Trigger, "stop", self._answer(self._mux.stop, "stopped until `reset`"))
         self.create_service(Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on"))
         self.every(0.02, self._tick)

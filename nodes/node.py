@@ -66,6 +66,15 @@ class GestureNode(Node):
         """Subscribe; a bad message is logged in one line and changes nothing."""
         self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
 
+    def listen_to_state(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a state: the latched one at the start, and every change, from any publisher.
+
+        A transient local subscription hears no publisher that is volatile, as `ros2 topic pub` and most programs
+        are by default. So there are two; what both hear is taken twice, which leaves a state as it is.
+        """
+        self.listen(message_type, topic, callback, STATE)
+        self.listen(message_type, topic, callback, PLAN)
+
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call back periodically; an error is logged in one line."""
         return self.create_timer(seconds, self._guarded(callback, "timer"))

@@ -8,6 +8,7 @@ from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.base.keypoints import KEYPOINTS
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.directions import directions
+from gesture_bot.retarget.fading import faded
 from gesture_bot.retarget.follower import Follower
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
@@ -23,6 +24,10 @@ HISTORY = 8
 
 CONTEXT = 4
 """Frames before a clip that shape the interpolation at its start."""
+
+COASTING = np.array([0.75, 0.5, 0.25])
+"""Share of its last velocity with which a joint goes on in each frame after a clip. Clips of one frame, as an
+operator sends them live, would otherwise be a stop each."""
 
 STILL = 1e-6
 """A joint this close to its goal [rad] and this slow [rad/s] has arrived."""
@@ -63,7 +68,7 @@ class Retargeter:
 
         Returns:
             Points every 20 ms, from the first tick at or after the clip's first frame, where the joints are
-            as they were planned before, to where they come to rest after its last.
+            as they were planned before, to where they have come to rest, soon after its last.
 
         Raises:
             InvalidValueError: Keypoints are not (n, 17, 3), n > 0, or are NaN or too far. The plans stand.
@@ -81,7 +86,7 @@ class Retargeter:
                 KEYPOINTS[keypoint],
             )
         self._plan_frames(clip.start, directions(keypoints))
-        self._plan_ticks(clip.start, clip.stop)
+        self._plan_ticks(clip.start)
         first = _tick_after(clip.start)
         states = self._states[first - self._first_tick :]
         times = np.arange(first, first + len(states)) / TICK_RATE
@@ -92,14 +97,23 @@ class Retargeter:
         angles = list(_held(self._angles, np.arange(first, start) - self._first_frame))
         for target in targets:
             angles.append(self._solver.solve(target, angles[-1]))
-        self._first_frame, self._angles = first, np.array(angles)
+        self._first_frame, self._angles = first, np.array([*angles, *self._coasting(angles)])
 
-    def _plan_ticks(self, start: int, stop: int) -> None:
+    def _coasting(self, angles: list[np.ndarray]) -> np.ndarray:
+        """The frames in which the joints come to rest."""
+        before, last = np.diff(angles[-3:], axis=0)
+        # The smaller one, or none if they disagree: a jump is no velocity to go on with.
+        velocity = np.median([before, last, np.zeros_like(last)], axis=0)
+        frames = angles[-1] + np.cumsum(COASTING)[:, None] * velocity
+        return np.clip(frames, self._robot.limits.lower, self._robot.limits.upper)
+
+    def _plan_ticks(self, start: int) -> None:
         seam = _tick_after(start)
         first = seam - HISTORY * TICK_RATE
         states = list(_held(self._states, np.arange(first, seam + 1) - self._first_tick))
         follower = Follower(self._robot.limits, self._dt, *states[-1])
-        for target in self._targets(start, np.arange(seam, _tick_after(stop - 1) + 1), states[-1]):
+        last = _tick_after(self._first_frame + len(self._angles) - 1)
+        for target in self._targets(start, np.arange(seam, last + 1), states[-1]):
             states.append(np.array(follower.step(*target)))
         goal = np.stack([self._angles[-1], np.zeros(len(self._robot.joints))])
         while np.abs(states[-1] - goal).max() > STILL:
@@ -117,14 +131,10 @@ class Retargeter:
         moments = (ticks * FRAME_RATE - (start - CONTEXT) * TICK_RATE) / TICK_RATE
         moments = np.minimum(moments, len(frames) - 1)
         targets = np.stack([spline(moments), spline(moments, 1) * FRAME_RATE], axis=1)
-        # The difference from what was planned dies away as a critically damped spring.
+        elapsed = ((ticks - ticks[0]) * self._dt)[:, None]
         position, velocity = state - targets[0]
-        damping = 2 * np.log(2) / HALF_LIFE
-        t = ((ticks - ticks[0]) * self._dt)[:, None]
-        slope = velocity + damping * position
-        decay = np.exp(-damping * t)
-        fading = np.stack([decay * (position + slope * t), decay * (velocity - damping * slope * t)], axis=1)
-        return (targets + fading)[1:]
+        departure = faded(position, velocity, elapsed, HALF_LIFE)
+        return (targets + np.stack(departure, axis=1))[1:]
 
 
 def _held(values: np.ndarray, indices: np.ndarray) -> np.ndarray:

@@ -73,7 +73,8 @@ class Status:
         cycles: Ticks.
         late_cycles: Ticks that came more than half a period late.
         read_failures: Answers that did not come in time or were damaged.
-        watchdog_stops: How often the ticks paused for so long that the servos' watchdogs stopped them.
+        watchdog_stops: How often the watchdogs had to be armed anew, since the ticks had paused for too
+            long, or a servo had missed them or been away.
         silent: Joints whose servo does not answer. While there are any, the robot holds.
         command_age: Time since the last new trajectory [s]; inf before the first.
         interventions: What the envelope held back.

@@ -34,15 +34,15 @@ HARDWARE_ERRORS = {
 
 @dataclass(frozen=True)
 class Model:
-    """A servo model; speed and torque at its usual voltage, from its page in the ROBOTIS e-Manual.
+    """A servo model, from its page in the ROBOTIS e-Manual (emanual.robotis.com/docs/en/dxl/x/NAME).
 
     Attributes:
         number: Model Number (0).
-        speed: No-load speed [rev/min].
-        torque: Stall torque [N m].
-        current: Stall current [A].
+        speed: No-load speed at `voltage` [rev/min].
+        torque: Stall torque at `voltage` [N m].
+        current: Current at that torque [A].
         voltage: [V].
-        current_unit: Unit of Present Current (126) [A]; 0 where 126 is Present Load, in 0.1% of stall.
+        current_unit: Unit of Present Current (126) [A]; 0 where 126 is Present Load, in 0.1% of the largest.
     """
 
     number: int

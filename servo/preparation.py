@@ -1,5 +1,7 @@
 """Before the robot may move: every servo is there, is the right one, and stands ready where it is."""
 
+import math
+
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
@@ -26,8 +28,9 @@ def check_servos(bus: Bus, robot: Robot) -> None:
     for servo in robot.servos:
         number = bus.ping(servo.id)
         if number is None:
-            found = bus.scan() or ["no servo at all"]
-            raise BusError(f"no servo answers for {servo.joint} on {bus.port}, at ID", servo.id, found)
+            found = bus.scan()
+            message = f"no servo answers for {servo.joint} on {bus.port}, at ID"
+            raise BusError(message, servo.id, found if found else ["no servo at all"])
         if number != find_model(servo.model).number:
             raise BusError(
                 f"servo {servo.id} of {servo.joint} is of another model", model_name(number), [servo.model]
@@ -68,6 +71,6 @@ def set_up(bus: Bus, robot: Robot, servo: ServoEntry) -> None:
         )
     bus.write(servo.id, "Bus Watchdog", 0)
     bus.write(servo.id, "Profile Acceleration", 0)
-    bus.write(servo.id, "Profile Velocity", -int(-robot.limits.velocity[joint] // VELOCITY_UNIT))
+    bus.write(servo.id, "Profile Velocity", math.ceil(robot.limits.velocity[joint] / VELOCITY_UNIT))
     bus.write(servo.id, "Goal Position", signed(bus.read(servo.id, "Present Position"), 4))
     bus.write(servo.id, "Torque Enable", 1)

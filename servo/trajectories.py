@@ -1,12 +1,19 @@
 """Joint trajectories as they arrive: checked, overlaid by their start, and left to coast where they end."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.retarget.fading import faded
 
 COASTING = 0.1
 """Time constant with which a joint comes to rest when nothing leads it any more [s]."""
+
+HALF_LIFE = 0.3
+"""Half-life of the difference where a trajectory departs from the plan before it [s]. A target 1 rad away is
+approached with at most 1.7 rad/s and 21 rad/s^2."""
 
 
 def coast(
@@ -26,7 +33,7 @@ def coast(
 def ease(
     leaving: tuple[np.ndarray, np.ndarray],
     reaching: tuple[np.ndarray, np.ndarray],
-    elapsed: np.ndarray,
+    elapsed: np.ndarray | float,
     duration: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pass from one motion over to another with a minimum-jerk weight.
@@ -74,8 +81,43 @@ def check_trajectory(trajectory: JointTrajectory, joints: tuple[str, ...]) -> No
         )
 
 
+@dataclass(frozen=True)
+class _Layer:
+    """A trajectory, when it takes over [s], and where the plan before it was then, seen from it.
+
+    That difference, in positions (j,) [rad] and velocities (j,) [rad/s], fades away.
+    """
+
+    trajectory: JointTrajectory
+    since: float
+    position: np.ndarray
+    velocity: np.ndarray
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        trajectory = self.trajectory
+        after = np.maximum(times - trajectory.times[-1], 0.0)[:, None]
+        where, speed = trajectory.at(times)
+        rest, slowing = coast(trajectory.positions[-1], trajectory.velocities[-1], after)
+        elapsed = np.maximum(times - self.since, 0.0)[:, None]
+        position, velocity = faded(self.position, self.velocity, elapsed, HALF_LIFE)
+        return np.where(after > 0, rest, where) + position, np.where(after > 0, slowing, speed) + velocity
+
+    def without(self, joints: set[str]) -> "_Layer":
+        """The layer but for some joints."""
+        whole = self.trajectory
+        kept = [i for i, joint in enumerate(whole.joints) if joint not in joints]
+        if len(kept) == len(whole.joints):
+            return self
+        names = tuple(whole.joints[i] for i in kept)
+        part = JointTrajectory(names, whole.times, whole.positions[:, kept], whole.velocities[:, kept])
+        return _Layer(part, self.since, self.position[kept], self.velocity[kept])
+
+
 class Overlay:
     """All that is planned for some joints: each trajectory replaces what it covers, from its first point on.
+
+    A trajectory that goes on from the plan is followed exactly. One that departs from it, in position or
+    velocity, is joined smoothly. A thread may ask for the plan while another one adds to it.
 
     Args:
         joints: The j joints.
@@ -83,7 +125,7 @@ class Overlay:
 
     def __init__(self, joints: tuple[str, ...]):
         self.joints = joints
-        self._layers: list[JointTrajectory] = []
+        self._layers: list[_Layer] = []
 
     def add(self, trajectory: JointTrajectory, now: float) -> None:
         """Overlay a trajectory of some or all of the joints.
@@ -92,18 +134,19 @@ class Overlay:
             InvalidValueError: It is not a trajectory for these joints. All stays as it was.
         """
         check_trajectory(trajectory, self.joints)
-        layers = [*self._layers, trajectory]
-        self._layers = []
+        layers = [*self._layers, self._joined(trajectory, max(trajectory.times[0], now))]
+        shown = []
         for i, layer in enumerate(layers):
             # A later layer hides this one where it begins before it, or has begun by now.
-            over = [later for later in layers[i + 1 :] if later.times[0] <= max(layer.times[0], now)]
-            self._append_without({joint for later in over for joint in later.joints}, layer)
+            start = max(layer.trajectory.times[0], now)
+            over = [later.trajectory for later in layers[i + 1 :] if later.trajectory.times[0] <= start]
+            shown.append(layer.without({joint for later in over for joint in later.joints}))
+        self._layers = [layer for layer in shown if layer.trajectory.joints]
 
     def forget(self, joints: set[str]) -> None:
         """Drop all that is planned for some joints."""
-        layers, self._layers = self._layers, []
-        for layer in layers:
-            self._append_without(joints, layer)
+        layers = [layer.without(joints) for layer in self._layers]
+        self._layers = [layer for layer in layers if layer.trajectory.joints]
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where the plan leads: to its first point until it begins; after its last point the joint coasts.
@@ -117,33 +160,30 @@ class Overlay:
         positions = np.full((len(times), len(self.joints)), np.nan)
         velocities = positions.copy()
         for layer in self._layers:
-            columns = self._columns(layer)
+            columns = self._columns(layer.trajectory)
             where, speed = layer.at(times)
-            after = np.maximum(times - layer.times[-1], 0.0)[:, None]
-            rest, slowing = coast(layer.positions[-1], layer.velocities[-1], after)
-            taken = (times >= layer.times[0])[:, None] | np.isnan(positions[:, columns])
-            positions[:, columns] = np.where(taken, np.where(after > 0, rest, where), positions[:, columns])
-            velocities[:, columns] = np.where(
-                taken, np.where(after > 0, slowing, speed), velocities[:, columns]
-            )
+            taken = (times >= layer.trajectory.times[0])[:, None] | np.isnan(positions[:, columns])
+            positions[:, columns] = np.where(taken, where, positions[:, columns])
+            velocities[:, columns] = np.where(taken, speed, velocities[:, columns])
         return positions, velocities
 
     def ends(self) -> np.ndarray:
         """(j,) when the plan of each joint ends [s since the epoch], -inf where there is none."""
         ends = np.full(len(self.joints), -np.inf)
         for layer in self._layers:
-            ends[self._columns(layer)] = layer.times[-1]
+            ends[self._columns(layer.trajectory)] = layer.trajectory.times[-1]
         return ends
+
+    def _joined(self, trajectory: JointTrajectory, since: float) -> _Layer:
+        """A layer that takes over from the plan at a moment, in the middle of its motion."""
+        columns, moment = self._columns(trajectory), np.array([since])
+        still = np.zeros(len(columns))
+        layer = _Layer(trajectory, since, still, still)
+        departures = (
+            np.nan_to_num(planned[0, columns] - asked[0])
+            for planned, asked in zip(self.at(moment), layer.at(moment), strict=True)
+        )
+        return _Layer(trajectory, since, *departures)
 
     def _columns(self, trajectory: JointTrajectory) -> list[int]:
         return [self.joints.index(joint) for joint in trajectory.joints]
-
-    def _append_without(self, joints: set[str], layer: JointTrajectory) -> None:
-        kept = [i for i, joint in enumerate(layer.joints) if joint not in joints]
-        if len(kept) == len(layer.joints):
-            self._layers.append(layer)
-        elif kept:
-            names = tuple(layer.joints[i] for i in kept)
-            self._layers.append(
-                JointTrajectory(names, layer.times, layer.positions[:, kept], layer.velocities[:, kept])
-            )

@@ -46,7 +46,7 @@ WRITABLE = {
     "Goal Current": (-2047, 2047), "Goal Velocity": (-2047, 2047), "Profile Acceleration": (0, 32767),
     "Profile Velocity": (0, 32767), "Goal Position": (-1048575, 1048575),
 }  # fmt: skip
-"""Smallest and largest value that each writable register takes; all others are read-only."""
+"""Smallest and largest value that each writable register takes in any model; all others are read-only."""
 
 INITIAL = {
     "Firmware Version": 48, "Baud Rate": 3, "Return Delay Time": 250, "Operating Mode": POSITION_MODE,
@@ -55,7 +55,8 @@ INITIAL = {
     "Max Position Limit": 4095, "Shutdown": 52, "Status Return Level": 2, "Velocity I Gain": 1000,
     "Velocity P Gain": 100, "Position P Gain": 640, "Goal PWM": 885, "Goal Current": 1193,
 }  # fmt: skip
-"""What a servo holds when it is switched on, where that is not zero and the same for each model."""
+"""What any virtual servo holds at first, where that is not zero: the e-Manual's values for an XL430-W250, but
+for the baud rate and the current limit."""
 
 GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 

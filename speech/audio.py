@@ -9,7 +9,7 @@ import soxr
 from gesture_bot.base.errors import FileFormatError
 
 SAMPLE_RATE = 16_000
-"""Samples a second (MM22 section 4)."""
+"""Samples a second (MM22)."""
 
 
 def load_audio(path: str | Path) -> np.ndarray:

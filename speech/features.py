@@ -1,4 +1,4 @@
-"""Speech features at 15 Hz: 13 MFCC, the log mean energy, and their first derivative (MM22 section 4.1).
+"""Speech features at 15 Hz: 13 MFCC, the log mean energy, and their first derivative (MM22).
 
 The MFCC of a window are those of librosa with the settings below, center=False and top_db=None, on the
 loudness-normalised signal: periodic Hann window, power spectrum, Slaney's mel filters, dB, orthonormal DCT.
@@ -135,7 +135,7 @@ def mel_filters() -> np.ndarray:
     return np.maximum(0, triangles) * 2 / (high - low)
 
 
-_HANN = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(WINDOW_LENGTH) / WINDOW_LENGTH)
+_HANN = np.hanning(WINDOW_LENGTH + 1)[:-1]  # periodic
 _MEL_FILTERS = mel_filters()
 
 SILENCE_FEATURES = speech_features(np.zeros(SAMPLE_RATE // FRAME_RATE, np.float32))[0]

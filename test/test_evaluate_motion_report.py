@@ -41,9 +41,15 @@ def test_samples_outside_the_limits_are_counted():
 
 def test_jumps_are_counted_there_and_back():
     positions = swinging()
-    positions[100:, 1] += 3.0 * 0.02 + 3 * TICK
+    positions[100:, 1] += 3.0 * 0.022 + 3 * TICK
     positions[200:, 1] = 0.0
     assert motion_report(LIMITS.joints, TIMES, positions, LIMITS).joint_jumps == 2
+
+
+def test_stamps_that_are_off_by_a_millisecond_make_no_jump():
+    off = np.random.default_rng(0).uniform(-1e-3, 1e-3, len(TIMES))
+    rounded = np.round(swinging() / TICK) * TICK
+    assert motion_report(LIMITS.joints, TIMES + off, rounded, LIMITS).joint_jumps == 0
 
 
 def test_a_long_gap_allows_a_long_way():

@@ -6,9 +6,12 @@ from small_database import small_database
 
 from gesture_bot.base.errors import FileFormatError
 from gesture_bot.base.keypoints import INDEX, bone_lengths
+from gesture_bot.corpus.sentences import EVERYDAY
 from gesture_bot.matching.banks import load_banks, triggers
 from gesture_bot.matching.keyframes import render
 from gesture_bot.matching.settling import rest_pose
+from gesture_bot.speech.keywords import KeywordSpotter
+from gesture_bot.speech.voice import Word
 
 GESTURES = load_banks()
 REST = rest_pose(small_database())
@@ -31,8 +34,24 @@ def at_stroke(name):
 
 def test_enough_gestures_and_words():
     assert {"hello", "yes", "no", "you", "me", "big", "small", "stop", "think", "everybody"} <= set(GESTURES)
-    assert len(triggers(GESTURES)) >= 30
-    assert triggers(GESTURES)["good morning"] == "hello"
+    assert len(GESTURES) >= 17
+    assert len(triggers(GESTURES)) >= 90
+
+
+def called(sentence):
+    spotter = KeywordSpotter(triggers(GESTURES))
+    found = spotter.spot(Word(word, 0.0, 0.0, 0.0) for word in sentence.split()) + spotter.flush()
+    return [spotted.gesture for spotted in found]
+
+
+def test_words_call_what_they_mean():
+    assert called("Good morning, I want to thank you, and what about you?") == ["hello", "thanks", "you"]
+    assert called("Look at me, and come here!") == ["me", "come"]
+
+
+def test_most_speech_is_left_to_the_search():
+    assert called("My name is Toa, I am your guide, and there you can sit.") == []
+    assert sum(len(called(sentence)) for sentence in EVERYDAY) < 0.7 * len(EVERYDAY)
 
 
 @pytest.mark.parametrize("name", GESTURES)

@@ -14,10 +14,6 @@ def test_every_label_is_there():
     assert len(LABELS) == 25
 
 
-def test_no_two_emotions_share_a_place():
-    assert len({(emotion.valence, emotion.arousal) for emotion in EMOTIONS.values()}) == 25
-
-
 def test_a_label_wins_over_the_plane():
     assert find_emotion(EMOTIONS, "sad", 1.0, 1.0).name == "sad"
 

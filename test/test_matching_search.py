@@ -44,7 +44,7 @@ def cosine_distance(a, b):
 
 
 def literal_search(pose_query, audio_query, mask, k, preselection):
-    """MM22 section 4.2, step by step: sequence and frame of the winner, and the number of survivors."""
+    """The search of MM22, step by step: sequence and frame of the winner, and the number of survivors."""
     measures = {"pose": (math.dist, POSE_FEATURES, pose_query)}
     measures["audio"] = (cosine_distance, AUDIO_FEATURES, audio_query)
     first = measures["audio" if preselection == "audio" else "pose"]

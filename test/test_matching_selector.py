@@ -1,16 +1,18 @@
 """The selector: windows that never stop, speech and silence, keywords on time, emotion and controls."""
 
+import math
+
 import numpy as np
 import pytest
 from small_database import small_database, sound
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import FRAME_RATE, frame_time
+from gesture_bot.base.frames import FRAME_RATE, first_frame_after, frame_time
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.controls import Constraint, Controls
 from gesture_bot.matching.emotions import load_emotions
-from gesture_bot.matching.selector import Selector
+from gesture_bot.matching.selector import STROKE_LEAD, Selector
 from gesture_bot.speech.features import SILENCE_FEATURES
 
 DATABASE = small_database()
@@ -132,7 +134,7 @@ def test_speech_that_comes_late_interrupts_rest(lead):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.013, 0.031, 0.05])
-def test_the_stroke_is_on_the_word(offset):
+def test_the_stroke_is_planned_a_little_before_its_word(offset):
     show = Show(selector()).run(1.0)
     word = show.now + 1.6 + offset
     show.chooser.add_keyword("big", word)
@@ -142,11 +144,12 @@ def test_the_stroke_is_on_the_word(offset):
     assert bank.stroke == word
     width = bank.keypoints[:, WRISTS[0], 1] - bank.keypoints[:, WRISTS[1], 1]
     times = np.arange(bank.start, bank.stop) / FRAME_RATE
-    # The hands come to rest, wide apart, at the stroke: half-way there is half a stroke earlier.
-    keyframe = GESTURES["big"].keyframes[0].time
-    opening = (times > word + keyframe) & (times < word)
+    # The hands come to rest, wide apart, at the end of the stroke; they are half-way in its middle.
+    end = word - STROKE_LEAD
+    begin = end + GESTURES["big"].keyframes[0].time
+    opening = (times > begin) & (times < end)
     middle = np.interp((width[opening].min() + width.max()) / 2, width[opening], times[opening])
-    assert middle == pytest.approx(word + keyframe / 2, abs=1 / 30)
+    assert middle == pytest.approx((begin + end) / 2, abs=1 / 30)
 
 
 def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
@@ -155,7 +158,7 @@ def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
     show.chooser.add_keyword("stop", word)
     (bank,) = show.tick()[:1]
     assert bank.name == "stop"
-    assert bank.start <= (show.now + 0.4) * FRAME_RATE + 1
+    assert bank.start == first_frame_after(show.now + 0.4)
     assert 0.3 < bank.stroke - word < 0.5
 
 
@@ -188,15 +191,34 @@ def test_a_gesture_is_not_repeated_within_its_cooldown():
     assert strokes == pytest.approx([2.5, 9.0])
 
 
-def test_speech_goes_on_after_a_gesture():
-    chooser = selector()
-    show = Show(chooser)
-    chooser.add_keyword("me", frame_time(START + 90))
-    show.run(12.0, SPEECH, START + 30)
-    order = [window.source for window in show.windows]
-    bank = order.index("bank")
-    assert order[bank - 1] == order[bank + 1] == "speech"
-    assert show.windows[bank + 1].start == show.windows[bank].stop
+def test_a_gesture_that_was_dropped_has_no_cooldown():
+    show = Show(selector()).run(1.0)
+    show.chooser.add_keyword("hello", show.now - 0.5)
+    show.chooser.add_keyword("hello", show.now + 1.5)
+    show.run(4.0)
+    assert "bank" in show.sources
+
+
+def gesture_in_speech(frames, spoken):
+    """Frames from the word to the end of a gesture, whose word is at frame 60 of speech that ends later."""
+    show = Show(selector())
+    word = START + 90
+    show.chooser.add_keyword("me", frame_time(word))
+    show.run(12.0, [*SPEECH[:spoken], *[SILENCE_FEATURES] * (frames - spoken)], START + 30)
+    bank = [frame for frame, (_, window) in show.seen.items() if window.source == "bank"]
+    before, after = (show.seen[frame][1].source for frame in (bank[0] - 1, bank[-1] + 1))
+    return bank[-1] + 1 - word, before, after
+
+
+def test_speech_that_goes_on_cuts_the_retraction_short():
+    held = GESTURES["me"].keyframes[-1].time - STROKE_LEAD
+    length, before, after = gesture_in_speech(130, spoken=130)
+    assert (before, after) == ("speech", "speech")
+    assert length == math.ceil(held * FRAME_RATE)
+    # Where the sentence ends with the gesture, the hands go back to rest.
+    length, _, after = gesture_in_speech(130, spoken=63)
+    assert after == "rest"
+    assert length > (held + GESTURES["me"].retraction) * FRAME_RATE
 
 
 def test_a_control_raises_the_wrist():
@@ -241,7 +263,7 @@ def test_a_late_plan_skips_ahead_from_the_last_pose():
     end, pose = max(show.seen), show.keypoints[-1]
     show.now += 5.0
     (window, *_) = show.chooser.plan(show.now)
-    assert window.start == round((show.now + 0.4) * FRAME_RATE + 0.499) > end + 1
+    assert window.start == first_frame_after(show.now + 0.4) > end + 1
     assert np.abs(window.keypoints[0] - pose).max() < 0.01
     assert show.chooser.late == 1
 

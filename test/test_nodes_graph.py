@@ -1,5 +1,6 @@
 """The running graph, from text to measured joints, as a user sees it on the topics."""
 
+import re
 import signal
 import time
 
@@ -56,11 +57,11 @@ def speech_end(record):
 
 
 def test_text_moves_the_robot_inside_its_limits(graph, say):
-    say("Hello! I am glad to see you.")
+    say("Hello! Today the river is calm, and an old boat goes slowly past the houses of the town.")
     wait_until(lambda: graph.record.audio and speech_end(graph.record), 20, "the sentence")
     wait_until(lambda: graph.now() > speech_end(graph.record) + 1.0, 20, "the end of the sentence")
     record = graph.record
-    assert [heard.message.text for heard in record.words][:2] == ["Hello", "I"]
+    assert [heard.message.text for heard in record.words][:2] == ["Hello", "Today"]
     assert "hello" in [heard.message.gesture for heard in record.keywords]
     assert {"speech", "bank", "rest"} <= {heard.message.source for heard in record.selected}
 
@@ -76,7 +77,7 @@ def test_text_moves_the_robot_inside_its_limits(graph, say):
 def test_emotion_changes_the_speed_and_control_the_height(graph, say):
     emotion = graph.create_publisher(Emotion, "emotion", STATE)
     control = graph.create_publisher(Control, "control", STATE)
-    say(TEXT + " " + TEXT)
+    say(f"{TEXT} {TEXT} {TEXT}")
     wait_until(lambda: graph.record.audio, 20, "speech")
     begin = graph.record.audio[0].stamp
     changes = {}
@@ -117,13 +118,13 @@ def test_bad_messages_change_nothing(graph):
     wait_until(control.get_subscription_count, 10, "the selector")
     before = len(graph.record.states)
     emotion.publish(Emotion(expression="sadd"))
-    control.publish(Control(constraints=[Constraint(quantity="wrist_height", value=float("nan"))]))
-    control.publish(Control(constraints=[Constraint(quantity="wrist_hight", value=0.1)]))
-    time.sleep(0.5)
+    for quantity, value in (("wrist_height", float("nan")), ("wrist_hight", 0.1)):
+        control.publish(Control(constraints=[Constraint(quantity=quantity, value=value)]))
+        time.sleep(0.5)
     assert len(graph.record.states) == before
     graph.process.send_signal(signal.SIGINT)
     output = graph.process.stdout.read()
-    assert "'sadd'; valid: neutral, angry, sad" in output
+    assert re.search("'sadd'; valid: .*neutral.*sad", output)
     assert "nan" in output
     assert "'wrist_hight'; valid: wrist_height, " in output
     assert "Traceback" not in output

@@ -78,6 +78,30 @@ def test_a_stream_of_windows_is_one_motion_inside_the_limits(speed):
     assert_smooth_and_inside_limits(positions, velocities)
 
 
+def test_a_live_stream_of_single_frames_does_not_stop_and_go():
+    keypoints, retargeter = speaker(120), Retargeter(ROBOT)
+    whole = Retargeter(ROBOT).push(KeypointClip(EPOCH, keypoints))
+    positions, velocities = played(
+        retargeter.push(KeypointClip(EPOCH + frame, keypoints[frame : frame + 1])) for frame in range(120)
+    )
+    assert_smooth_and_inside_limits(positions, velocities)
+    # It is the same motion, 0.2 s later.
+    late, whole_positions = slice(85, 360), whole.positions[75:350]
+    assert np.abs(positions[late] - whole_positions).max() < 0.03
+    speeds = np.linalg.norm(velocities[late], axis=1)
+    assert (speeds > 0.8 * np.linalg.norm(whole.velocities[75:350], axis=1)).all()
+
+
+def test_a_jump_at_the_end_of_a_clip_is_not_gone_on_with():
+    keypoints = np.repeat(speaker(60)[[0, 40]], 8, axis=0)
+    trajectory = Retargeter(ROBOT).push(KeypointClip(EPOCH, keypoints[:9]))
+    held = Retargeter(ROBOT).push(KeypointClip(EPOCH, keypoints))
+    assert np.abs(held.positions[-1] - held.positions[0]).max() > 0.3
+    between = np.sort([held.positions[0], held.positions[-1]], axis=0)
+    assert (trajectory.positions[-1] > between[0] - 0.05).all()
+    assert (trajectory.positions[-1] < between[1] + 0.05).all()
+
+
 def test_unrelated_windows_are_joined_without_a_jump():
     retargeter, keypoints = Retargeter(ROBOT), speaker(400, 3.0)
     starts = np.random.default_rng(0).permutation(50)[:25] * 8

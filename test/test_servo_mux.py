@@ -69,7 +69,7 @@ def test_a_gesture_is_taken_up_smoothly_then_followed_and_its_last_point_held():
 
 def test_a_new_gesture_replaces_the_old_from_its_first_point_on():
     mux = MotionMux(JOINTS, REST)
-    old, new = wave(), wave(start=T0 + 2.0, amplitude=0.2)
+    old, new = wave(), wave(start=T0 + 2.0, amplitude=0.25, rate=2.0)  # as fast at its start, then different
     mux.set_source("gesture", old, T0)
     play(mux, T0, 1.0)
     mux.set_source("gesture", new, T0 + 1.0)
@@ -129,6 +129,45 @@ def test_teleop_that_comes_back_does_not_begin_where_it_once_ended():
     assert_smooth(positions, velocities)
     assert positions[:, 0].max() <= -0.5 + 1e-9
     assert positions[:, 0].min() == pytest.approx(-0.6, abs=0.02)
+
+
+def name_targets(mux, targets, start):
+    """An operator names a target for the head ten times a second, 0.3 s ahead. Returns as `play` does."""
+    out = []
+    for k, angle in enumerate(targets):
+        now = start + 0.1 * k
+        mux.set_source("teleop", pose("head", angle, now + 0.3), now)
+        out.append(play(mux, now, 0.1))
+    return tuple(np.concatenate(part) for part in zip(*out, strict=True))
+
+
+def test_a_target_named_again_and_again_is_approached_smoothly():
+    mux = MotionMux(JOINTS, REST)
+    _, positions, velocities = name_targets(mux, [0.0] * 10 + [1.0] * 25, T0)
+    assert_smooth(positions, velocities)
+    assert np.abs(velocities[:, 2]).max() == pytest.approx(1.7, abs=0.1)
+    assert (np.diff(positions[:, 2]) >= -1e-9).all(), "it never turns back"
+    assert positions[-1, 2] == pytest.approx(1.0, abs=0.01)
+
+
+def test_targets_that_move_are_followed_evenly():
+    mux = MotionMux(JOINTS, REST)
+    _, positions, velocities = name_targets(mux, 0.05 * np.arange(40), T0)
+    assert_smooth(positions, velocities)
+    np.testing.assert_allclose(velocities[100:, 2], 0.5, atol=0.12)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.06, 0.3])
+def test_a_jump_between_gestures_is_joined_smoothly(late):
+    """Also when the new one is heard only after it has begun."""
+    mux = MotionMux(JOINTS, REST)
+    old, new = wave(), wave(start=T0 + 1.1, amplitude=-0.5, rate=0.5)
+    mux.set_source("gesture", old, T0)
+    _, *before = play(mux, T0, 1.1 + late)
+    mux.set_source("gesture", new, T0 + 1.1 + late)
+    times, *after = play(mux, T0 + 1.1 + late, 2.5)
+    assert_smooth(*(np.vstack(parts) for parts in zip(before, after, strict=True)))
+    np.testing.assert_allclose(after[0][-10:], new.at(times[-10:])[0], atol=1e-2)
 
 
 def test_a_lock_masks_gestures_but_not_teleop():

@@ -1,0 +1,23 @@
+"""How a difference between two motions dies away: the inertialization of Bollo (GDC 2018)."""
+
+import numpy as np
+
+
+def faded(
+    position: np.ndarray, velocity: np.ndarray, elapsed: np.ndarray, half_life: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A difference some time after it arose, as a critically damped spring draws it to zero.
+
+    Args:
+        position: Difference of the positions when it arose [rad].
+        velocity: Difference of the velocities then [rad/s].
+        elapsed: Time since then [s].
+        half_life: About the time in which half of it is gone [s] (the half-life of Holden's springs).
+
+    Returns:
+        What is left of the positions' difference [rad] and of the velocities' [rad/s].
+    """
+    damping = 2 * np.log(2) / half_life
+    slope = velocity + damping * position
+    decay = np.exp(-damping * elapsed)
+    return decay * (position + slope * elapsed), decay * (velocity - damping * slope * elapsed)
