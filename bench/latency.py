@@ -11,6 +11,10 @@ from pathlib import Path
 import psutil
 import rclpy
 import soundfile
+from machine import machine
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import String
+
 from gesture_bot.cli.demo import running_graph
 from gesture_bot.cli.latency import stage_latencies
 from gesture_bot.corpus.demo import demo_database
@@ -18,9 +22,6 @@ from gesture_bot.nodes.node import PLAN
 from gesture_bot.nodes.recorder import Record, Recorder
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
-from machine import machine
-from rclpy.executors import SingleThreadedExecutor
-from std_msgs.msg import String
 
 TEXT = (
     "Hello, I am glad to see you. Today everybody may ask me one big question, "
@@ -49,7 +50,9 @@ def measure(log: Path, arguments: list[str], text: str | None) -> dict[str, obje
         asked = recorder.now()
         if text:
             say.publish(String(data=text))
-        while not (record.audio and record.audio[-1].message.last and recorder.now() > record.audio[-1].stamp):
+        while not (
+            record.audio and record.audio[-1].message.last and recorder.now() > record.audio[-1].stamp
+        ):
             executor.spin_once(timeout_sec=0.05)
         cpu_share = (_cpu_seconds(process) - busy) / (time.monotonic() - wall)
         memory = sum(part.memory_info().rss for part in (process, *process.children(recursive=True)))
@@ -62,7 +65,9 @@ def measure(log: Path, arguments: list[str], text: str | None) -> dict[str, obje
         "memory_mb": round(memory / 2**20),
     }
     if text:
-        gesture = next(heard for heard in record.selected if heard.stamp > asked and heard.message.source != "rest")
+        gesture = next(
+            heard for heard in record.selected if heard.stamp > asked and heard.message.source != "rest"
+        )
         result["text_to_words_ms"] = round((record.words[0].arrival - asked) * 1e3)
         result["text_to_sound_ms"] = round((record.audio[0].stamp - asked) * 1e3)
         result["text_to_gesture_seen_ms"] = round((gesture.stamp - asked) * 1e3)

@@ -65,7 +65,9 @@ def run_demo(output: Path) -> int:
     for name, value in summary.items():
         results.add_row(name, str(value))
     console.print(results)
-    console.print(f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav.")
+    console.print(
+        f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav."
+    )
     return 0
 
 
@@ -95,12 +97,15 @@ def _table(record: Record, now: float) -> Table:
     owners = record.owners[-1].message.owners if record.owners else []
     table.add_row("word", word)
     table.add_row("emotion", state.expression if state else "")
-    table.add_row("control", ", ".join(constraint_in_words(c) for c in state.constraints) or "free" if state else "")
+    table.add_row(
+        "control", ", ".join(constraint_in_words(c) for c in state.constraints) or "free" if state else ""
+    )
     if window:
         table.add_row("window", " ".join(filter(None, (window.source, window.name))))
         left, right = clip_from(window).keypoints[0, [INDEX["left_wrist"], INDEX["right_wrist"]], 2]
         table.add_row("wrist heights", f"left {left:.2f} m, right {right:.2f} m")
-    table.add_row("moved by", ", ".join(f"{name} ({owners.count(name)} joints)" for name in sorted(set(owners))))
+    table.add_row(
+        "moved by", ", ".join(f"{name} ({owners.count(name)} joints)" for name in sorted(set(owners)))
+    )
     table.add_row("measured", f"{len(record.joint_states)} joint states")
     return table
-

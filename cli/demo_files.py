@@ -71,7 +71,11 @@ def write_demo_files(folder: Path, record: Record, robot: Robot) -> dict[str, An
     )
     spoken = times >= begin - 1.0
     write_robot_gif(
-        folder / "gesture.gif", robot, times[spoken], positions[spoken], captions=_captions(record, times[spoken])
+        folder / "gesture.gif",
+        robot,
+        times[spoken],
+        positions[spoken],
+        captions=_captions(record, times[spoken]),
     )
     return summary
 
@@ -97,8 +101,10 @@ def _summary(
     }
 
 
-def _keyword(record: Record, heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray]) -> dict[str, Any]:
-    """A keyword, when its stroke was due, and when the robot's hands made it; None where it made no gesture."""
+def _keyword(
+    record: Record, heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray]
+) -> dict[str, Any]:
+    """A keyword, when its stroke was due, and when the robot's hands made it, if they did."""
     made = any(
         window.message.source == "bank"
         and window.message.name == heard.message.gesture
@@ -217,8 +223,14 @@ def _captions(record: Record, times: np.ndarray) -> list[str]:
     for moment in times:
         first = int(np.searchsorted(word_times, moment, side="right")) - 1
         spoken = " ".join(
-            heard.message.text for heard in record.words[max(0, first - 3) : first + 1] if moment - heard.stamp < 2.5
+            heard.message.text
+            for heard in record.words[max(0, first - 3) : first + 1]
+            if moment - heard.stamp < 2.5
         )
-        parts = [state(moment).expression, *map(constraint_in_words, state(moment).constraints), *_taken(owners(moment))]
+        parts = [
+            state(moment).expression,
+            *map(constraint_in_words, state(moment).constraints),
+            *_taken(owners(moment)),
+        ]
         captions.append(f"{' · '.join(parts)}   {spoken}")
     return captions

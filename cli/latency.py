@@ -5,6 +5,7 @@ import bisect
 import numpy as np
 
 from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.matching.selector import AHEAD
 from gesture_bot.nodes.recorder import Heard, Record
 
 LAST_WINDOW = 0.0175
@@ -14,10 +15,10 @@ LAST_WINDOW = 0.0175
 def stage_latencies(record: Record) -> dict[str, dict[str, float]]:
     """Median and 99th percentile of each stage's latency [ms].
 
-    A stage's latency is the time from the arrival of the last message that it needed to the arrival of what it
-    made of it: of a frame's features from the sound that completes the frame; of a window from the frame of
-    features that was missing (only for windows that had to wait for one); and so on. `bus` is from a joint
-    trajectory to the first measured joint state after it, so it holds the mux and a bus cycle.
+    The time from the arrival of what a stage needs to the arrival of what it makes: `features` from the sound
+    that completes a frame, `selection` from the moment a window is due, `refinement` from the chosen window,
+    `retargeting` from the refined one, and `bus`, which holds the mux and a bus cycle, from the joint
+    trajectory to the next measured joint state.
     """
     samples = {
         "features": _features(record),
@@ -49,13 +50,12 @@ def _features(record: Record) -> list[float]:
 
 
 def _selection(record: Record) -> list[float]:
-    """From the clock tick at which a window is due, `AHEAD` before it is seen, to the window."""
+    """From the moment a window is due, `AHEAD` before it is seen; 0 where it came earlier."""
     return [
-        max(0.0, heard.arrival - (heard.stamp - _AHEAD)) for heard in record.selected if heard.message.source == "speech"
+        max(0.0, heard.arrival - (heard.stamp - AHEAD))
+        for heard in record.selected
+        if heard.message.source == "speech"
     ]
-
-
-_AHEAD = 0.8
 
 
 def _following(causes: list[Heard], effects: list[Heard]) -> list[float]:

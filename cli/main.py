@@ -49,10 +49,14 @@ def _parser() -> argparse.ArgumentParser:
     run.set_defaults(run=_run)
 
     demo = commands.add_parser(
-        "demo", help="watch a simulated robot talk with its hands", description="Run the graph in simulation, "
-        "steer it, and write a film, a timeline and a summary. Takes about a minute."
+        "demo",
+        help="watch a simulated robot talk with its hands",
+        description="Run the graph in simulation, "
+        "steer it, and write a film, a timeline and a summary. Takes about a minute.",
     )
-    demo.add_argument("-o", "--output", type=Path, default=Path("demo_out"), help="folder to write into (demo_out)")
+    demo.add_argument(
+        "-o", "--output", type=Path, default=Path("demo_out"), help="folder to write into (demo_out)"
+    )
     demo.set_defaults(run=_demo)
 
     render = commands.add_parser(

@@ -30,9 +30,7 @@ LEAD_OUT = FRAME_RATE
 """Frames after the sound, for the last retraction."""
 
 
-def render(
-    speech: Path, output: Path, *, database: str, emotion: str, robot_name: str, seed: int
-) -> None:
+def render(speech: Path, output: Path, *, database: str, emotion: str, robot_name: str, seed: int) -> None:
     """Write the motion for a sound file.
 
     Args:
@@ -78,8 +76,8 @@ def motion(
         retargeter: Of the robot; fresh.
 
     Returns:
-        (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory every 20 ms
-        with times counted from there [s].
+        (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory, every
+        20 ms, its times counted from there [s].
     """
     for frame, vector in enumerate(features, LEAD_IN):
         selector.add_features(frame, vector)
@@ -98,7 +96,5 @@ def motion(
     positions, velocities = zip(*(points[tick] for tick in range(first, last)), strict=True)
     return (
         np.stack([frames[frame] for frame in range(LEAD_IN, stop)]),
-        JointTrajectory(
-            plan.joints, np.arange(last - first) / 50, np.stack(positions), np.stack(velocities)
-        ),
+        JointTrajectory(plan.joints, np.arange(last - first) / 50, np.stack(positions), np.stack(velocities)),
     )

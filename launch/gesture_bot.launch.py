@@ -1,13 +1,13 @@
 """The whole graph, one process a node: ros2 launch gesture_bot gesture_bot.launch.py NAME:=VALUE ..."""
 
-from gesture_bot.base.files import config_dir
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES
+from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown
-from launch.substitutions import LaunchConfiguration
 
 
 def generate_launch_description() -> LaunchDescription:

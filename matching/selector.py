@@ -28,6 +28,9 @@ ONSET = 4
 SHORTEST_PREPARATION = 0.3
 """A person needs at least so long to bring a hand up [s]."""
 
+AHEAD = 0.8
+"""Windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
+
 STROKE_LEAD = 0.08
 """A stroke is planned to end so much before its word [s].
 
@@ -81,7 +84,7 @@ class Selector:
         k: int = 1,
         preselection: Preselection = "pose",
         seed: int = 0,
-        ahead: float = 0.8,
+        ahead: float = AHEAD,
         react: float = 0.4,
     ) -> None:
         self._database, self._emotions, self._gestures = database, emotions, gestures

@@ -1,4 +1,4 @@
-"""Plays the user in `gesture-bot demo`: speaks, changes emotion and control, takes an arm and gives it back."""
+"""Plays the user in `gesture-bot demo`: speaks, changes emotion and control, takes an arm for a while."""
 
 import math
 import time
@@ -21,9 +21,17 @@ from gesture_bot.retarget.robot import Robot
 SCRIPT = (
     ("neutral", False, "Hello, I am glad to see you here. I am a robot, and I talk with my hands."),
     ("sad", False, "Yesterday it rained all day, and nobody came to visit me. I felt small and very tired."),
-    ("angry", False, "But then somebody took my chair away! That is not fair, and I will not stop saying so!"),
+    (
+        "angry",
+        False,
+        "But then somebody took my chair away! That is not fair, and I will not stop saying so!",
+    ),
     ("neutral", True, "Now I keep my left hand high while I speak, because somebody asked me to do that."),
-    ("happy", False, "While you move my left arm, the other one goes on talking. Thank you, that was big fun!"),
+    (
+        "happy",
+        False,
+        "While you move my left arm, the other one goes on talking. Thank you, that was big fun!",
+    ),
 )
 """Emotion, whether the left wrist is kept high, and the sentences."""
 
@@ -100,4 +108,3 @@ class DemoDirector(Recorder):
             if time.monotonic() > give_up:
                 raise GestureBotError("the graph did not answer within", f"{limit:g} s")
             yield
-

@@ -26,7 +26,9 @@ class FeatureStreamer(GestureNode):
     def _on_audio(self, audio: Audio) -> None:
         samples = np.asarray(audio.samples, np.float32)
         if not audio.sample_rate or not np.isfinite(samples).all():
-            raise InvalidValueError("sound needs a sample rate and finite samples; got rate", audio.sample_rate)
+            raise InvalidValueError(
+                "sound needs a sample rate and finite samples; got rate", audio.sample_rate
+            )
         utterance = (audio.header.frame_id, audio.utterance)
         if utterance != self._utterance:
             self._begin(audio, utterance)

@@ -24,7 +24,9 @@ class GestureSelector(GestureNode):
 
     def __init__(self, name: str = "gesture_selector", **options: Any):
         super().__init__(name, **options)
-        database = self.parameter("database", "demo", "Gesture database: a file, or 'demo' (built on first use)")
+        database = self.parameter(
+            "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
+        )
         emotion = self.parameter("emotion", "neutral", "Emotion at the start; the topic `emotion` changes it")
         k = self.parameter(
             "k", 1, "Which of the best matches is taken: 1 the best, more for variety", bounds=(1, 15)
@@ -34,7 +36,10 @@ class GestureSelector(GestureNode):
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
         self._delay = self.parameter(
-            "delay", 0.0, "How much later than the sound the motion is made; a microphone needs 1.8 [s]", bounds=(0.0, 5.0)
+            "delay",
+            0.0,
+            "How much later than the sound the motion is made; a microphone needs 1.8 [s]",
+            bounds=(0.0, 5.0),
         )
         self._selector = Selector(
             Database.load(demo_database() if database == "demo" else Path(database)),
@@ -105,5 +110,3 @@ def _message(window: Window) -> GestureWindow:
     message.pose_distance, message.audio_distance = window.pose_distance, window.audio_distance
     message.candidates = window.candidates
     return message
-
-

@@ -10,7 +10,6 @@ from gesture_bot.nodes.node import PLAN, GestureNode, seconds, stamp
 from gesture_bot.speech import keywords
 from gesture_bot.speech.voice import Word
 
-
 PATIENCE = 0.2
 """A phrase that could go on is taken as it is when no further word comes for so long [s]."""
 

@@ -29,7 +29,9 @@ class MotionMux(GestureNode):
         self.listen_to_state(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data))
         self.listen_to_state(Bool, "stop", self._on_stop)
         self.create_service(Trigger, "stop", self._answer(self._mux.stop, "stopped until `reset`"))
-        self.create_service(Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on"))
+        self.create_service(
+            Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on")
+        )
         self.every(0.02, self._tick)
         self.waits_for("trajectories on gesture/joint_trajectory and teleop/joint_trajectory")
 

@@ -49,7 +49,9 @@ class GestureNode(Node):
         """
         descriptor = ParameterDescriptor(description=description, read_only=True)
         if bounds and isinstance(default, int):
-            descriptor.integer_range = [IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]), step=0)]
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]), step=0)
+            ]
         elif bounds:
             descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
         choices = tuple(choices)
@@ -57,19 +59,23 @@ class GestureNode(Node):
         try:
             value = self.declare_parameter(name, default, descriptor).value
         except Exception as error:  # rclpy raises several unrelated classes here
-            raise InvalidValueError(f"parameter {name} of {self.get_name()} ({' '.join(str(error).split())})") from error
+            raise InvalidValueError(
+                f"parameter {name} of {self.get_name()} ({' '.join(str(error).split())})"
+            ) from error
         if choices and value not in choices:
             raise InvalidValueError(f"parameter {name} of {self.get_name()}", value, choices)
         return value
 
-    def listen(self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> None:
+    def listen(
+        self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+    ) -> None:
         """Subscribe; a bad message is logged in one line and changes nothing."""
         self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
 
     def listen_to_state(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to a state: the latched one at the start, and every change, from any publisher.
 
-        A transient local subscription hears no publisher that is volatile, as `ros2 topic pub` and most programs
+        A transient local subscription hears no volatile publisher, which `ros2 topic pub` and most programs
         are by default. So there are two; what both hear is taken twice, which leaves a state as it is.
         """
         self.listen(message_type, topic, callback, STATE)

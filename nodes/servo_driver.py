@@ -18,7 +18,6 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver, Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
 
-
 RCLError = rclpy_implementation.RCLError
 
 
@@ -28,7 +27,9 @@ class ServoDriver(GestureNode):
     def __init__(self, name: str = "servo_driver", **options: Any):
         super().__init__(name, **options)
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
-        port = self.parameter("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)")
+        port = self.parameter(
+            "port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"
+        )
         rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
         self._joints = list(robot.joints)
         self._states = self.create_publisher(JointState, "joint_states", PLAN)
@@ -40,7 +41,7 @@ class ServoDriver(GestureNode):
         self._driver.start()
         self._period = 1.0 / rate
         self._stopping = threading.Event()
-        # Python lets another thread go on for 5 ms before it takes turns; half a bus cycle is too long to wait.
+        # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
         sys.setswitchinterval(5e-4)
         self._loop = threading.Thread(target=self._run, daemon=True)
         self._loop.start()
@@ -88,7 +89,9 @@ class ServoDriver(GestureNode):
         bus = DiagnosticStatus(
             name="gesture_bot: servo bus",
             level=DiagnosticStatus.ERROR if status.silent else DiagnosticStatus.OK,
-            message=f"no answer from {', '.join(status.silent)}; the robot holds" if status.silent else "running",
+            message=f"no answer from {', '.join(status.silent)}; the robot holds"
+            if status.silent
+            else "running",
             values=_values(
                 cycles=status.cycles,
                 late_cycles=status.late_cycles,

@@ -32,14 +32,19 @@ class SpeechSource(GestureNode):
 
     def __init__(self, name: str = "speech_source", **options: Any):
         super().__init__(name, **options)
-        speech = self.parameter("speech", "say", "'say' (text on the topic `say`), or a sound file to play once")
+        speech = self.parameter(
+            "speech", "say", "'say' (text on the topic `say`), or a sound file to play once"
+        )
         text = self.parameter("text", "", "Text to speak once; the graph ends when it has been spoken")
         voice = self.parameter("voice", "embedded", "Voice that speaks text")
         self._lead = self.parameter(
             "lead", 2.0, "How long before it is heard sound is published [s]", bounds=(0.0, 10.0)
         )
         self._start_delay = self.parameter(
-            "start_delay", 0.8, "From the arrival of a text to its sound, time for a first gesture [s]", bounds=(0.0, 10.0)
+            "start_delay",
+            0.8,
+            "From the arrival of a text to its sound, time for a first gesture [s]",
+            bounds=(0.0, 10.0),
         )
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)

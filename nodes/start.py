@@ -13,6 +13,7 @@ from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
 
+
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
     return _spin([node for node in NODES if node.name == name], {}, sys.argv)

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.fading import faded
 from gesture_bot.base.frames import KeypointClip
 from gesture_bot.base.keypoints import KEYPOINTS, bone_lengths, with_bone_lengths
 
@@ -90,9 +91,8 @@ def _seam_offset(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     position, velocity = _extended(before[::-1])
     after_position, after_velocity = _extended(after)
     offset, offset_velocity = position - after_position, -velocity - after_velocity
-    damping = 2 * np.log(2) / HALF_LIFE
-    t = (np.arange(len(after)) + 0.5)[:, None, None]
-    return np.exp(-damping * t) * (offset + (offset_velocity + damping * offset) * t)
+    elapsed = (np.arange(len(after)) + 0.5)[:, None, None]
+    return faded(offset, offset_velocity, elapsed, HALF_LIFE)[0]
 
 
 def _extended(frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,14 +1,16 @@
 """Keypoint clips in, joint trajectories out: each goes on from what was planned before, inside the limits."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.fading import faded
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.base.keypoints import KEYPOINTS
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.directions import directions
-from gesture_bot.retarget.fading import faded
 from gesture_bot.retarget.follower import Follower
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
@@ -32,6 +34,9 @@ operator sends them live, would otherwise be a stop each."""
 STILL = 1e-6
 """A joint this close to its goal [rad] and this slow [rad/s] has arrived."""
 
+HEADROOM = 0.8
+"""Share of the velocity limits that plans use; the rest is for servos that have to catch up."""
+
 FARTHEST = 100.0
 """No keypoint can be so far from the pelvis [m]."""
 
@@ -48,6 +53,7 @@ class Retargeter:
 
     def __init__(self, robot: Robot):
         self._robot = robot
+        self._limits = replace(robot.limits, velocity=HEADROOM * robot.limits.velocity)
         self._solver = DirectionSolver(robot)
         self._dt = 1 / TICK_RATE
         self.reset(robot.rest)
@@ -58,7 +64,7 @@ class Retargeter:
         Raises:
             InvalidValueError: The position is not j finite numbers. The plans stand.
         """
-        position = Follower(self._robot.limits, self._dt, position).position
+        position = Follower(self._limits, self._dt, position).position
         # One entry a frame and a tick, from the first index on; the last one is held for ever.
         self._first_frame, self._angles = 0, position[None]
         self._first_tick, self._states = 0, np.stack([position, np.zeros_like(position)])[None]
@@ -111,7 +117,7 @@ class Retargeter:
         seam = _tick_after(start)
         first = seam - HISTORY * TICK_RATE
         states = list(_held(self._states, np.arange(first, seam + 1) - self._first_tick))
-        follower = Follower(self._robot.limits, self._dt, *states[-1])
+        follower = Follower(self._limits, self._dt, *states[-1])
         last = _tick_after(self._first_frame + len(self._angles) - 1)
         for target in self._targets(start, np.arange(seam, last + 1), states[-1]):
             states.append(np.array(follower.step(*target)))

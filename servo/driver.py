@@ -41,7 +41,7 @@ class Feedback:
         positions: (j,) [rad].
         velocities: (j,) [rad/s].
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
-        stamp: When they were asked [s since the epoch].
+        stamp: Midway between question and answer [s since the epoch].
     """
 
     positions: np.ndarray
@@ -171,7 +171,7 @@ class Driver:
             positions = np.full_like(positions, np.nan)
         self._exchange(positions[0], velocities[0])
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        return Feedback(measured, speeds, efforts, now + self._reader.asked - begin)
+        return Feedback(measured, speeds, efforts, now + self._reader.read_at - begin)
 
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.

@@ -22,13 +22,13 @@ class PresentReader:
 
     Attributes:
         present: (j,) PRESENT records, each as it was last heard.
-        asked: When they were asked last, on the monotonic clock [s].
+        read_at: Midway between the last question and its answer, on the monotonic clock [s].
         failures: Answers that did not come in time, or were damaged, so far.
     """
 
     def __init__(self, bus: Bus, ids: list[int]):
         self.present = np.zeros(len(ids), PRESENT)
-        self.asked = 0.0
+        self.read_at = 0.0
         self.failures = 0
         self._bus = bus
         self._ids = ids
@@ -44,8 +44,9 @@ class PresentReader:
     def read(self) -> None:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
-        self.asked = time.monotonic()
+        asking = time.monotonic()
         answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, self._fast)
+        self.read_at = (asking + time.monotonic()) / 2
         if not answers:
             self.failures += 1
             answers = {i: self._bus.try_read(i, PRESENT_ADDRESS, PRESENT.itemsize) for i in asked}

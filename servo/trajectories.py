@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.fading import faded
 from gesture_bot.base.trajectory import JointTrajectory
-from gesture_bot.retarget.fading import faded
 
 COASTING = 0.1
 """Time constant with which a joint comes to rest when nothing leads it any more [s]."""

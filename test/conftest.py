@@ -57,8 +57,9 @@ def demo_corpus():
 def listener():
     """A Recorder that spins in a thread."""
     import rclpy
-    from gesture_bot.nodes.recorder import Recorder
     from rclpy.executors import SingleThreadedExecutor
+
+    from gesture_bot.nodes.recorder import Recorder
 
     context = rclpy.Context()
     rclpy.init(context=context)

@@ -9,10 +9,10 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from conftest import running, wait_until
+
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES
-
-from conftest import running, wait_until
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -30,7 +30,9 @@ def test_every_parameter_file_entry_is_a_node():
 
 
 def test_launch_file_starts_the_graph():
-    pytest.importorskip("launch_ros", reason="ROS 2's launch library is not on PyPI; it comes with ROS 2 itself")
+    pytest.importorskip(
+        "launch_ros", reason="ROS 2's launch library is not on PyPI; it comes with ROS 2 itself"
+    )
     from launch.actions import DeclareLaunchArgument
     from launch_ros.actions import Node
 
@@ -60,8 +62,8 @@ def test_colcon_builds_a_workspace_whose_nodes_are_heard(tmp_path, listener):
 
     # The node must come from the workspace: the environment's own installation is not on its path.
     script = (
-        f". {tmp_path}/install/setup.sh && python -c 'import gesture_bot.nodes as n; print(n.__file__)' "
-        f"&& exec {tmp_path}/install/gesture_bot/lib/gesture_bot/gesture_refiner --ros-args -r __ns:=/workspace"
+        f". {tmp_path}/install/setup.sh && python -c 'import gesture_bot.nodes as n; print(n.__file__)' && exec "
+        f"{tmp_path}/install/gesture_bot/lib/gesture_bot/gesture_refiner --ros-args -r __ns:=/workspace"
     )
     with running(["env", *(f"{k}={v}" for k, v in environment.items()), "sh", "-c", script]) as process:
         origin = process.stdout.readline()

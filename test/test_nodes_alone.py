@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from gesture_bot.nodes.graph import NODES
-
 from conftest import running, wait_until
+
+from gesture_bot.nodes.graph import NODES
 
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 
@@ -50,7 +50,10 @@ def test_parameters_are_described(alone, listener):
         ours = [name for name in listed.result.names if "." not in name and name not in ROS_PARAMETERS]
         assert set(graph_node.arguments) <= set(ours)
         described = _call(
-            listener, DescribeParameters, f"{prefix}/describe_parameters", DescribeParameters.Request(names=ours)
+            listener,
+            DescribeParameters,
+            f"{prefix}/describe_parameters",
+            DescribeParameters.Request(names=ours),
         )
         for descriptor in described.descriptors:
             assert len(descriptor.description) > 10, (graph_node.name, descriptor.name)

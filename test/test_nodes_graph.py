@@ -6,21 +6,21 @@ import time
 
 import numpy as np
 import pytest
+from conftest import command, running, wait_until
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
+
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.msg import Constraint, Control, Emotion
 from gesture_bot.nodes.messages import clip_from, trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.retarget.robot import load_robot
-from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
-
-from conftest import command, running, wait_until
 
 TEXT = (
-    "Hello, today we walk along the river and count the boats that pass, and then we go on to the old market, "
-    "where people sell bread and flowers, and in the evening we sit by the fire and tell each other stories."
+    "Hello, today we walk along the river and count the boats that pass, and then we go on to the old "
+    "market, where people sell bread and flowers, and in the evening we sit by the fire and tell each other stories."
 )
 
 
@@ -145,7 +145,9 @@ def test_operator_takes_an_arm_and_gives_it_back_and_stop_latches(graph, say):
         now = graph.now()
         teleop.publish(
             trajectory_to(
-                JointTrajectory(("left_elbow",), now + np.array([0.0, 0.3]), np.full((2, 1), target), np.zeros((2, 1)))
+                JointTrajectory(
+                    ("left_elbow",), now + np.array([0.0, 0.3]), np.full((2, 1), target), np.zeros((2, 1))
+                )
             )
         )
         time.sleep(0.1)
@@ -153,7 +155,9 @@ def test_operator_takes_an_arm_and_gives_it_back_and_stop_latches(graph, say):
     assert positions[-1, elbow] == pytest.approx(target, abs=0.03)
     assert np.ptp(positions[-150:, robot.joints.index("right_elbow")]) > 0.02, "the other arm goes on"
     wait_until(
-        lambda: "teleop" not in graph.record.owners[-1].message.owners, 5, "the operator's arm to be given back"
+        lambda: "teleop" not in graph.record.owners[-1].message.owners,
+        5,
+        "the operator's arm to be given back",
     )
 
     reset = graph.create_client(Trigger, "reset")

@@ -9,13 +9,13 @@ def faded(
     """A difference some time after it arose, as a critically damped spring draws it to zero.
 
     Args:
-        position: Difference of the positions when it arose [rad].
-        velocity: Difference of the velocities then [rad/s].
-        elapsed: Time since then [s].
-        half_life: About the time in which half of it is gone [s] (the half-life of Holden's springs).
+        position: Difference of the positions when it arose, in any unit.
+        velocity: Difference of the velocities then, in that unit by a unit of time.
+        elapsed: Time since then.
+        half_life: About the time in which half of it is gone (the half-life of Holden's springs).
 
     Returns:
-        What is left of the positions' difference [rad] and of the velocities' [rad/s].
+        What is left of the positions' difference and of the velocities'.
     """
     damping = 2 * np.log(2) / half_life
     slope = velocity + damping * position
