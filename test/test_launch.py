@@ -62,13 +62,13 @@ def test_colcon_builds_a_workspace_whose_nodes_are_heard(tmp_path, listener):
 
     # The node must come from the workspace: the environment's own installation is not on its path.
     script = (
-        f". {tmp_path}/install/setup.sh && python -c 'import gesture_bot.nodes as n; print(n.__file__)' && exec "
-        f"{tmp_path}/install/gesture_bot/lib/gesture_bot/gesture_refiner --ros-args -r __ns:=/workspace"
+        f". {tmp_path}/install/setup.sh && python -c 'import gesture_bot.nodes as n; print(n.__file__)' "
+        f"&& exec {tmp_path}/install/gesture_bot/lib/gesture_bot/gesture_refiner --ros-args -r __ns:=/w"
     )
     with running(["env", *(f"{k}={v}" for k, v in environment.items()), "sh", "-c", script]) as process:
         origin = process.stdout.readline()
         assert re.match(rf"{re.escape(str(tmp_path))}/install/", origin), origin
         wait_until(
-            lambda: "/workspace/gesture/refined" in dict(listener.get_topic_names_and_types()),
+            lambda: "/w/gesture/refined" in dict(listener.get_topic_names_and_types()),
             20.0, "a node of the workspace",
         )  # fmt: skip

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+import soundfile
 from conftest import command, running, wait_until
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -13,14 +14,18 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.evaluate.motion_report import motion_report
 from gesture_bot.msg import Constraint, Control, Emotion
 from gesture_bot.nodes.messages import clip_from, trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.voice import load_voice
 
 TEXT = (
     "Hello, today we walk along the river and count the boats that pass, and then we go on to the old "
-    "market, where people sell bread and flowers, and in the evening we sit by the fire and tell each other stories."
+    "market, where people sell bread and flowers, and in the evening we sit by the fire and tell stories."
 )
 
 
@@ -138,7 +143,6 @@ def test_operator_takes_an_arm_and_gives_it_back_and_stop_latches(graph, say):
     wait_until(teleop.get_subscription_count, 10, "the mux")
     elbow = robot.joints.index("left_elbow")
     target = 0.5 * (robot.limits.lower[elbow] + robot.limits.upper[elbow])
-    from gesture_bot.base.trajectory import JointTrajectory
 
     taken = graph.now()
     while graph.now() < taken + 3.0:
@@ -185,3 +189,19 @@ def test_interrupt_ends_it_within_two_seconds(graph, say):
     assert graph.process.wait(5) == 0
     assert time.monotonic() - begin < 2.0
     assert "Traceback" not in graph.process.stdout.read()
+
+
+def test_a_sound_file_is_played_to_its_end(listener, demo_corpus, tmp_path):
+    speech = tmp_path / "speech.wav"
+    soundfile.write(
+        speech, load_voice("embedded").speak("We count the boats on the river.").samples, SAMPLE_RATE
+    )
+    with running(command("run", f"speech:={speech}")) as process:
+        assert process.wait(40) == 0, process.stdout.read()
+    times, positions = listener.record.joint_positions()
+    robot = load_robot("toa")
+    report = motion_report(robot.joints, times, positions, robot.limits)
+    assert report.limit_violations == report.joint_jumps == 0
+    assert report.mean_rate_hz >= 50
+    assert sum(heard.message.last for heard in listener.record.audio) == 1
+    assert "speech" in {heard.message.source for heard in listener.record.selected}
