@@ -3,8 +3,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-SOURCES := $(wildcard CMakeLists.txt pyproject.toml package.xml msg/*.msg */*.py */*.in) \
-           $(shell find config launch corpus -type f -not -name '*.pyc' 2>/dev/null)
+INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg config launch
+SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
+           $(shell find $(INSTALLED) -type f -not -name '*.pyc')
 
 .PHONY: demo test lint format clean
 .DELETE_ON_ERROR:
