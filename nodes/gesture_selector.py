@@ -59,7 +59,7 @@ class GestureSelector(GestureNode):
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
         self.listen_to_state(Emotion, "emotion", self._on_emotion)
         self.listen_to_state(Control, "control", self._on_control)
-        self.every(1 / 30, self._plan)
+        self.every(1 / FRAME_RATE, self._plan)
         self.waits_for("features on speech/features; rests until then")
 
     def _on_features(self, message: SpeechFeatures) -> None:

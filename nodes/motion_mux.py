@@ -15,7 +15,7 @@ from gesture_bot.servo import mux
 
 
 class MotionMux(GestureNode):
-    """Publishes, 50 times a second, the next tenth of a second of whoever owns each joint."""
+    """Publishes, 25 times a second, the next 0.3 s of whoever owns each joint."""
 
     def __init__(self, name: str = "motion_mux", **options: Any):
         super().__init__(name, **options)
@@ -32,7 +32,7 @@ class MotionMux(GestureNode):
         self.create_service(
             Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on")
         )
-        self.every(0.02, self._tick)
+        self.every(0.04, self._tick)
         self.waits_for("trajectories on gesture/joint_trajectory and teleop/joint_trajectory")
 
     def _follow(self, source: str) -> None:
@@ -45,10 +45,12 @@ class MotionMux(GestureNode):
     def _on_stop(self, message: Bool) -> None:
         if message.data:
             self._mux.stop()
+            self._tick()
 
     def _answer(self, act: Callable[[], None], outcome: str) -> Callable[..., Trigger.Response]:
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             act()
+            self._tick()
             self.get_logger().info(outcome)
             response.success, response.message = True, outcome
             return response

@@ -63,7 +63,7 @@ class SpeechSource(GestureNode):
             self.listen(String, "say", lambda message: self._texts.put(message.data), PLAN)
             # Synthesis has a thread, so that no other node of the process waits for it.
             threading.Thread(target=self._synthesise, args=(load_voice(voice),), daemon=True).start()
-        self.every(0.02, self._pace)
+        self.every(0.05, self._pace)
         self.waits_for("the rest of the graph" if self._once else "text on say")
 
     def _synthesise(self, voice: Voice) -> None:

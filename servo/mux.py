@@ -12,8 +12,8 @@ from gesture_bot.servo.trajectories import Overlay, coast, ease
 BLEND = 0.6
 """How long a joint takes to pass from one owner to the next [s]."""
 
-HORIZON = np.linspace(0.0, 0.1, 6)
-"""Moments of the points put out, from now on [s]."""
+HORIZON = np.linspace(0.0, 0.3, 7)
+"""Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late."""
 
 NOBODY = "nobody"
 STOP = "stop"
@@ -98,7 +98,7 @@ class MotionMux:
         self.stopped = False
 
     def tick(self, now: float) -> JointTrajectory:
-        """Motion of all joints for the next 0.1 s."""
+        """Motion of all joints for the next 0.3 s."""
         owner = self._next_owner(now)
         changed = owner != self._owner
         if changed.any():

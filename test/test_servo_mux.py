@@ -51,7 +51,7 @@ def assert_smooth(positions, velocities):
 def test_it_begins_at_rest_owned_by_nobody():
     mux = MotionMux(JOINTS, REST)
     trajectory = mux.tick(T0)
-    np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (6, 1)))
+    np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (7, 1)))
     assert set(mux.owners.values()) == {"nobody"}
 
 
