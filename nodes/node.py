@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
@@ -78,8 +79,11 @@ class GestureNode(Node):
         A transient local subscription hears no volatile publisher, which `ros2 topic pub` and most programs
         are by default. So there are two; what both hear is taken twice, which leaves a state as it is.
         """
-        self.listen(message_type, topic, callback, STATE)
-        self.listen(message_type, topic, callback, PLAN)
+        # Without the default callbacks, which would warn of a publisher that the second one hears.
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+        guarded = self._guarded(callback, topic)
+        self.create_subscription(message_type, topic, guarded, STATE, event_callbacks=silent)
+        self.create_subscription(message_type, topic, guarded, PLAN)
 
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call back periodically; an error is logged in one line."""

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 
@@ -79,6 +80,8 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        # A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         # The bus first: it was built last, and brings the robot to rest while the others still stand.
         for node in reversed(running):
             node.destroy_node()

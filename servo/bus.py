@@ -21,8 +21,11 @@ from gesture_bot.servo.models import REGISTERS
 READ_WAIT = 0.002
 """How long a read of the port sleeps for bytes to come [s]."""
 
+PATIENT_WAIT = 100.0
+"""Time for an answer at the start, beyond that of its bytes on the wire [ms]: a busy machine can be slow."""
+
 REPLY_WAIT = 10.0
-"""Time for an answer, beyond that of its bytes on the wire [ms]; the SDK's 34 ms would cost three cycles."""
+"""The same in a cycle [ms]; the SDK's 34 ms would cost three cycles."""
 
 ATTEMPTS = 3
 """How often a ping, read or write is tried before it fails."""
@@ -43,6 +46,8 @@ def _bytes(value: int, size: int) -> list[int]:
 class _Port(PortHandler):
     """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop."""
 
+    reply_wait = PATIENT_WAIT
+
     def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
@@ -50,7 +55,7 @@ class _Port(PortHandler):
         return True
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
-        self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + REPLY_WAIT)
+        self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
 
 
 class Bus:
@@ -78,6 +83,10 @@ class Bus:
             raise BusError("cannot open the serial port", port, ports) from error
         if not opened:
             raise BusError("the SDK does not know this baud rate", baudrate)
+
+    def hurry(self) -> None:
+        """From now on, wait for an answer only as long as a cycle allows."""
+        self._port.reply_wait = REPLY_WAIT
 
     def close(self) -> None:
         """Close the port."""

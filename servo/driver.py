@@ -144,6 +144,7 @@ class Driver:
         self.status.interventions = self._envelope.interventions
         self._bus = bus
         self._arm()
+        bus.hurry()
 
     def set_trajectory(self, trajectory: JointTrajectory) -> None:
         """Follow a trajectory of some or all joints from its first point on.
