@@ -63,7 +63,7 @@ def run_demo(output: Path) -> int:
     summary = write_demo_files(output, director.record, robot)
     results = Table(title=f"{output}/summary.json", title_justify="left", show_header=False)
     for name, value in summary.items():
-        results.add_row(name, str(value))
+        results.add_row(name, _in_words(value))
     console.print(results)
     console.print(
         f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav."
@@ -86,7 +86,19 @@ def running_graph(log: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes
             yield process
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(10)
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _in_words(value: object) -> str:
+    """A value of the summary on the screen: lists and tables a line each."""
+    if isinstance(value, list):
+        return "\n".join(map(_in_words, value))
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_in_words(part)}" for name, part in value.items())
+    return str(value)
 
 
 def _table(record: Record, now: float) -> Table:

@@ -39,7 +39,8 @@ def _parser() -> argparse.ArgumentParser:
         description="Run all nodes in this process. Ctrl-C brings the robot to rest and ends.",
         epilog="arguments:\n"
         + "\n".join(
-            f"  {argument.name}:={argument.default or '...'}\n      {argument.description}"
+            f"  {argument.name}:={'...' if argument.default == '' else argument.default}\n"
+            f"      {argument.description}"
             for argument in (*ARGUMENTS, NAMESPACE)
         )
         + "\n\nexample: gesture-bot run text:='Hello, I am glad to see you.' emotion:=happy",

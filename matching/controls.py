@@ -48,7 +48,7 @@ class Constraint:
     def __post_init__(self) -> None:
         for name, kind in (("quantity", Quantity), ("hand", Hand), ("bound", Bound), ("unit", Unit)):
             if getattr(self, name) not in get_args(kind):
-                raise InvalidValueError(f"{name} of a control", getattr(self, name), get_args(kind))
+                raise InvalidValueError(f"unknown {name} of a control", getattr(self, name), get_args(kind))
         if not math.isfinite(self.value):
             raise InvalidValueError(f"value of a control on {self.quantity}", self.value, ["a finite number"])
         if self.unit == "percentile" and not 0 <= self.value <= 100:

@@ -83,7 +83,7 @@ def find_emotion(emotions: Mapping[str, Emotion], label: str, valence: float, ar
     """
     if label:
         if label not in emotions:
-            raise InvalidValueError("emotion", label, emotions)
+            raise InvalidValueError("unknown emotion", label, emotions)
         return emotions[label]
     for name, number in (("valence", valence), ("arousal", arousal)):
         if not -1 <= number <= 1:

@@ -165,7 +165,7 @@ class Selector:
             InvalidValueError: The gesture is in no bank, or the moment is not finite.
         """
         if gesture not in self._gestures:
-            raise InvalidValueError("gesture", gesture, self._gestures)
+            raise InvalidValueError("unknown gesture", gesture, self._gestures)
         if not math.isfinite(stroke):
             raise InvalidValueError(f"moment of the gesture {gesture}", stroke, ["seconds since the epoch"])
         self._keywords.append(_Keyword(gesture, stroke))

@@ -26,7 +26,11 @@ SCRIPT = (
         False,
         "But then somebody took my chair away! That is not fair, and I will not stop saying so!",
     ),
-    ("neutral", True, "Now I keep my left hand high while I speak, because somebody asked me to do that."),
+    (
+        "neutral",
+        True,
+        "Now the left hand stays high while I speak, because a control says so. It looks funny.",
+    ),
     (
         "happy",
         False,

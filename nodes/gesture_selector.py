@@ -27,9 +27,9 @@ class GestureSelector(GestureNode):
         database = self.parameter(
             "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
         )
-        emotion = self.parameter("emotion", "neutral", "Emotion at the start; the topic `emotion` changes it")
+        emotion = self.parameter("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml")
         k = self.parameter(
-            "k", 1, "Which of the best matches is taken: 1 the best, more for variety", bounds=(1, 15)
+            "k", 1, "Each window is drawn from so many best matches: 1 takes the best", bounds=(1, 15)
         )
         preselection = self.parameter(
             "preselection", "pose", "What is searched first (MM22)", choices=get_args(Preselection)
@@ -53,6 +53,7 @@ class GestureSelector(GestureNode):
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
         self._constraints: list[ConstraintMessage] = []
+        self._relaxed: list[str] = []
         self._publish_state()
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
@@ -98,7 +99,9 @@ class GestureSelector(GestureNode):
             delay=self._delay,
             late=self._selector.late,
         )
-        self._late = state.late
+        if state.relaxed and state.relaxed != self._relaxed:
+            self.get_logger().warning(f"too few windows fit all; gave way: {', '.join(state.relaxed)}")
+        self._late, self._relaxed = state.late, state.relaxed
         state.header.stamp = stamp(self.now())
         self._states.publish(state)
 

@@ -29,7 +29,7 @@ ARGUMENTS = (
     Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
     Argument("voice", "embedded", "Voice that speaks text"),
     Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
-    Argument("emotion", "neutral", "Emotion at the start; the topic `emotion` changes it"),
+    Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
     Argument("robot", "toa", "Robot: a name in config/robots, or a YAML file"),
     Argument("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"),
     Argument("seed", 0, "Seed of everything that is drawn at random"),

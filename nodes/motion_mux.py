@@ -13,6 +13,8 @@ from gesture_bot.nodes.node import PLAN, STATE, GestureNode, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo import mux
 
+STOPPED = "stopped until `reset`"
+
 
 class MotionMux(GestureNode):
     """Publishes, 25 times a second, the next 0.3 s of whoever owns each joint."""
@@ -28,7 +30,7 @@ class MotionMux(GestureNode):
             self._follow(source.name)
         self.listen_to_state(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data))
         self.listen_to_state(Bool, "stop", self._on_stop)
-        self.create_service(Trigger, "stop", self._answer(self._mux.stop, "stopped until `reset`"))
+        self.create_service(Trigger, "stop", self._answer(self._mux.stop, STOPPED))
         self.create_service(
             Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on")
         )
@@ -46,6 +48,7 @@ class MotionMux(GestureNode):
         if message.data:
             self._mux.stop()
             self._tick()
+            self.get_logger().info(STOPPED)
 
     def _answer(self, act: Callable[[], None], outcome: str) -> Callable[..., Trigger.Response]:
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

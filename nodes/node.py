@@ -1,4 +1,4 @@
-"""What the eight nodes share: described parameters, guarded callbacks, and the quality of service."""
+"""What the nodes share: described parameters, guarded callbacks, and the quality of service."""
 
 from collections.abc import Callable, Iterable
 from typing import Any

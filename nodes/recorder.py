@@ -33,7 +33,6 @@ class Record:
     states: list[Heard] = field(default_factory=list)
     refined: list[Heard] = field(default_factory=list)
     trajectories: list[Heard] = field(default_factory=list)
-    commands: list[Heard] = field(default_factory=list)
     owners: list[Heard] = field(default_factory=list)
     joint_states: list[Heard] = field(default_factory=list)
     diagnostics: list[Heard] = field(default_factory=list)
@@ -59,7 +58,6 @@ class Recorder(GestureNode):
             (SelectorState, "gesture/selector_state", self.record.states, STATE),
             (GestureWindow, "gesture/refined", self.record.refined, PLAN),
             (JointTrajectory, "gesture/joint_trajectory", self.record.trajectories, PLAN),
-            (JointTrajectory, "joint_trajectory", self.record.commands, PLAN),
             (JointOwners, "motion_mux/owners", self.record.owners, STATE),
             (JointState, "joint_states", self.record.joint_states, STREAM),
             (DiagnosticArray, "/diagnostics", self.record.diagnostics, PLAN),

@@ -38,16 +38,18 @@ class SpeechSource(GestureNode):
         text = self.parameter("text", "", "Text to speak once; the graph ends when it has been spoken")
         voice = self.parameter("voice", "embedded", "Voice that speaks text")
         self._lead = self.parameter(
-            "lead", 2.0, "How long before it is heard sound is published [s]", bounds=(0.0, 10.0)
+            "lead", 2.0, "How long before it is heard sound is published at most [s]", bounds=(0.0, 10.0)
         )
         self._start_delay = self.parameter(
             "start_delay",
             0.8,
-            "From the arrival of a text to its sound, time for a first gesture [s]",
+            "From the synthesis of a text to its sound, time for a first gesture [s]",
             bounds=(0.0, 10.0),
         )
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
+        self._texts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._synthesis: threading.Thread | None = None
         self._utterances: queue.SimpleQueue[Utterance] = queue.SimpleQueue()
         self._pieces: deque[Audio] = deque()
         self._utterance = 0
@@ -59,18 +61,27 @@ class SpeechSource(GestureNode):
         elif speech != "say":
             self._utterances.put(Utterance(load_audio(speech), ()))
         else:
-            self._texts: queue.SimpleQueue[str] = queue.SimpleQueue()
             self.listen(String, "say", lambda message: self._texts.put(message.data), PLAN)
             # Synthesis has a thread, so that no other node of the process waits for it.
-            threading.Thread(target=self._synthesise, args=(load_voice(voice),), daemon=True).start()
+            self._synthesis = threading.Thread(target=self._synthesise, args=(load_voice(voice),))
+            self._synthesis.start()
         self.every(0.05, self._pace)
         self.waits_for("the rest of the graph" if self._once else "text on say")
 
+    def destroy_node(self) -> None:
+        """Finish the sentence that is being synthesised; the rest is not spoken."""
+        while not self._texts.empty():
+            self._texts.get()
+        self._texts.put(None)
+        if self._synthesis:
+            self._synthesis.join()
+        super().destroy_node()
+
     def _synthesise(self, voice: Voice) -> None:
         voice.speak("ready")  # the first text loads dictionaries
-        while True:
+        while (text := self._texts.get()) is not None:
             try:
-                self._utterances.put(voice.speak(self._texts.get()))
+                self._utterances.put(voice.speak(text))
             except GestureBotError as error:
                 self.get_logger().error(f"say: {error}")
 

@@ -29,6 +29,9 @@ HEALTH_PERIOD = 1.0
 EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
 
+HALF_LIFE = 0.05
+"""Half-life of the difference where a trajectory departs from the one before [s]: short, as a stop must be."""
+
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""
 
@@ -112,7 +115,7 @@ class Driver:
         self._port = port
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
-        self._plan = Overlay(robot.joints)
+        self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
         self._bus: Bus | None = None
         self._last_tick = -math.inf

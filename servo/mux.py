@@ -15,6 +15,10 @@ BLEND = 0.6
 HORIZON = np.linspace(0.0, 0.3, 7)
 """Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late."""
 
+HALF_LIFE = 0.3
+"""Half-life of the difference where a source departs from its own plan [s]. A target 1 rad away is approached
+with at most 1.7 rad/s and 21 rad/s^2."""
+
 NOBODY = "nobody"
 STOP = "stop"
 
@@ -61,7 +65,7 @@ class MotionMux:
         self.locked = False
         self.stopped = False
         self._sources = sorted(sources, key=lambda source: source.priority)
-        self._plans = {source.name: Overlay(joints) for source in sources}
+        self._plans = {source.name: Overlay(joints, HALF_LIFE) for source in sources}
         self._heard = {source.name: np.full(len(joints), -np.inf) for source in sources}
         self._owner = np.full(len(joints), NOBODY, object)
         # Each joint leaves the motion it had when its owner changed.

@@ -11,10 +11,6 @@ from gesture_bot.base.trajectory import JointTrajectory
 COASTING = 0.1
 """Time constant with which a joint comes to rest when nothing leads it any more [s]."""
 
-HALF_LIFE = 0.3
-"""Half-life of the difference where a trajectory departs from the plan before it [s]. A target 1 rad away is
-approached with at most 1.7 rad/s and 21 rad/s^2."""
-
 
 def coast(
     position: np.ndarray, velocity: np.ndarray, elapsed: np.ndarray | float
@@ -85,13 +81,14 @@ def check_trajectory(trajectory: JointTrajectory, joints: tuple[str, ...]) -> No
 class _Layer:
     """A trajectory, when it takes over [s], and where the plan before it was then, seen from it.
 
-    That difference, in positions (j,) [rad] and velocities (j,) [rad/s], fades away.
+    That difference, in positions (j,) [rad] and velocities (j,) [rad/s], fades away with a half-life [s].
     """
 
     trajectory: JointTrajectory
     since: float
     position: np.ndarray
     velocity: np.ndarray
+    half_life: float
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trajectory = self.trajectory
@@ -99,7 +96,7 @@ class _Layer:
         where, speed = trajectory.at(times)
         rest, slowing = coast(trajectory.positions[-1], trajectory.velocities[-1], after)
         elapsed = np.maximum(times - self.since, 0.0)[:, None]
-        position, velocity = faded(self.position, self.velocity, elapsed, HALF_LIFE)
+        position, velocity = faded(self.position, self.velocity, elapsed, self.half_life)
         return np.where(after > 0, rest, where) + position, np.where(after > 0, slowing, speed) + velocity
 
     def without(self, joints: set[str]) -> "_Layer":
@@ -110,7 +107,7 @@ class _Layer:
             return self
         names = tuple(whole.joints[i] for i in kept)
         part = JointTrajectory(names, whole.times, whole.positions[:, kept], whole.velocities[:, kept])
-        return _Layer(part, self.since, self.position[kept], self.velocity[kept])
+        return _Layer(part, self.since, self.position[kept], self.velocity[kept], self.half_life)
 
 
 class Overlay:
@@ -121,10 +118,12 @@ class Overlay:
 
     Args:
         joints: The j joints.
+        half_life: Of the difference where a trajectory departs from the plan [s].
     """
 
-    def __init__(self, joints: tuple[str, ...]):
+    def __init__(self, joints: tuple[str, ...], half_life: float):
         self.joints = joints
+        self._half_life = half_life
         self._layers: list[_Layer] = []
 
     def add(self, trajectory: JointTrajectory, now: float) -> None:
@@ -178,12 +177,12 @@ class Overlay:
         """A layer that takes over from the plan at a moment, in the middle of its motion."""
         columns, moment = self._columns(trajectory), np.array([since])
         still = np.zeros(len(columns))
-        layer = _Layer(trajectory, since, still, still)
+        layer = _Layer(trajectory, since, still, still, self._half_life)
         departures = (
             np.nan_to_num(planned[0, columns] - asked[0])
             for planned, asked in zip(self.at(moment), layer.at(moment), strict=True)
         )
-        return _Layer(trajectory, since, *departures)
+        return _Layer(trajectory, since, *departures, self._half_life)
 
     def _columns(self, trajectory: JointTrajectory) -> list[int]:
         return [self.joints.index(joint) for joint in trajectory.joints]

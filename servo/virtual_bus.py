@@ -19,19 +19,28 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from gesture_bot.base.errors import BusError, GestureBotError
-from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN
+from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
 
 if TYPE_CHECKING:
     from gesture_bot.retarget.robot import Robot
 
+CHILD = "-"
+"""In place of a robot: the servos come as JSON on the standard input."""
+
 LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
 
 
 def servo_specs(robot: "Robot") -> list[ServoSpec]:
-    """The servos of a `retarget.robot.Robot`, standing in its rest pose."""
+    """The servos of a `retarget.robot.Robot`, standing in its rest pose.
+
+    Raises:
+        RobotError: A servo is of an unknown model.
+    """
+    for row in robot.servos:
+        find_model(row.model)
     return [
         ServoSpec(row.id, row.model, round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)))
         for row, angle in zip(robot.servos, robot.rest, strict=True)
@@ -83,7 +92,7 @@ class VirtualBus:
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
         # in our terminal must not reach it, since the driver still has to bring the arms to rest.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", __spec__.name],
+            [sys.executable, "-m", __spec__.name, CHILD],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -113,8 +122,10 @@ def _child() -> None:
 
 
 def main() -> None:
-    """Serve the bus of the robot named on the command line, or, without one, be the child of a VirtualBus."""
-    if len(sys.argv) == 1:
+    """Serve the bus of the robot named on the command line, or be the child of a VirtualBus."""
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m gesture_bot.servo.virtual_bus ROBOT")
+    if sys.argv[1] == CHILD:
         _child()
         return
     from gesture_bot.retarget.robot import load_robot  # which the child does without, to start fast

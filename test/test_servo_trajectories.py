@@ -19,7 +19,7 @@ def swing(start):
 
 
 def test_a_plan_that_is_sent_again_and_again_is_followed_exactly():
-    overlay = Overlay(("a", "b"))
+    overlay = Overlay(("a", "b"), half_life=0.3)
     for now in T0 + np.arange(0, 20, 0.1):
         overlay.add(swing(now + 0.3), now)
     times = now + np.linspace(0.3, 0.8, 100)
@@ -28,7 +28,7 @@ def test_a_plan_that_is_sent_again_and_again_is_followed_exactly():
 
 
 def test_a_plan_can_be_asked_for_while_it_changes():
-    overlay = Overlay(("a", "b"))
+    overlay = Overlay(("a", "b"), half_life=0.3)
     overlay.add(swing(T0), T0)
 
     def change():
