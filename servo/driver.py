@@ -30,7 +30,7 @@ EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
 
 HALF_LIFE = 0.05
-"""Half-life of the difference where a trajectory departs from the one before [s]: short, as a stop must be."""
+"""Half-life of the difference where a trajectory departs from the last one [s]: short, as a stop must be."""
 
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""

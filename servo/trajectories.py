@@ -1,6 +1,6 @@
 """Joint trajectories as they arrive: checked, overlaid by their start, and left to coast where they end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -178,11 +178,12 @@ class Overlay:
         columns, moment = self._columns(trajectory), np.array([since])
         still = np.zeros(len(columns))
         layer = _Layer(trajectory, since, still, still, self._half_life)
-        departures = (
-            np.nan_to_num(planned[0, columns] - asked[0])
-            for planned, asked in zip(self.at(moment), layer.at(moment), strict=True)
+        (position, velocity), (asked, speed) = self.at(moment), layer.at(moment)
+        return replace(
+            layer,
+            position=np.nan_to_num(position[0, columns] - asked[0]),
+            velocity=np.nan_to_num(velocity[0, columns] - speed[0]),
         )
-        return _Layer(trajectory, since, *departures, self._half_life)
 
     def _columns(self, trajectory: JointTrajectory) -> list[int]:
         return [self.joints.index(joint) for joint in trajectory.joints]
