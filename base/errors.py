@@ -22,8 +22,8 @@ class GestureBotError(Exception):
         super().__init__(message)
 
 
-class InvalidValueError(GestureBotError):
-    """A name or number that is not one of the accepted ones."""
+class InvalidValueError(GestureBotError, ValueError):
+    """A name or number that is not one of the accepted ones; raised in a validator, pydantic says where."""
 
 
 class FileFormatError(GestureBotError):

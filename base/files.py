@@ -1,11 +1,12 @@
 """Where files live, and how they are read with clear errors and written whole or not at all."""
 
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 from platformdirs import user_cache_path
@@ -39,26 +40,79 @@ def cache_dir() -> Path:
     return folder
 
 
-def read_yaml(path: Path, model: type[Model]) -> Model:
+def read_yaml(path: Path, model: type[Model], context: dict[str, Any] | None = None) -> Model:
     """Read a YAML file into a pydantic model.
 
+    Args:
+        path: The file.
+        model: What it should be.
+        context: What the model's validators see as `info.context`.
+
     Raises:
-        FileFormatError: The file is missing, is not YAML, or does not fit; then it names the key and what is
-            valid there.
+        FileFormatError: The file is missing, is not YAML, or does not fit; then it names the line, the key
+            and what is valid there.
     """
+    text = _text(path)
     try:
-        text = path.read_text(encoding="utf-8")
-        return model.model_validate(yaml.safe_load(text))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"cannot read {path} ({getattr(error, 'strerror', error)})") from error
+        return model.model_validate(yaml.load(text, _Loader), context=context)
     except yaml.YAMLError as error:
         raise FileFormatError(f"{path} is not YAML ({' '.join(str(error).split())})") from error
     except ValidationError as error:
-        problems = "; ".join(
-            f"{'.'.join(map(str, one['loc'])) or 'the file'}: {one['msg']} (got {one['input']!r:.80})"
+        problems = (
+            f"{yaml_place(path, one['loc'])}: {one['msg'].removeprefix('Value error, ')}"
+            + ("" if isinstance(one["input"], dict | list) else f" (got {one['input']!r:.80})")
             for one in error.errors()
         )
-        raise FileFormatError(f"{path}: {problems}") from error
+        raise FileFormatError(f"{path}: {'; '.join(problems)}") from error
+
+
+def yaml_place(path: Path, location: Sequence[str | int]) -> str:
+    """Where something is in a YAML file, for people: its line and dotted key.
+
+    Args:
+        path: The file.
+        location: Keys and indices that lead to it; a part that the file lacks is at the line around it.
+    """
+    node, line = yaml.compose(_text(path), _Loader), 1
+    for part in location:
+        inside: dict[str | int, tuple[yaml.Node, yaml.Node]] = {}
+        if isinstance(node, yaml.MappingNode):
+            inside = {key.value: (key, value) for key, value in node.value}
+        elif isinstance(node, yaml.SequenceNode):
+            inside = {index: (item, item) for index, item in enumerate(node.value)}
+        if part in inside:
+            key, node = inside[part]
+            line = key.start_mark.line + 1
+    return f"line {line}: {'.'.join(map(str, location)) or 'the file'}"
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"cannot read {path} ({getattr(error, 'strerror', error)})") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML where a key that is there twice is an error, and yes, no, on and off are words."""
+
+    yaml_implicit_resolvers = {
+        letter: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:bool"]
+        for letter, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: list[object] = []
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"{key.value!r} is there twice", problem_mark=key.start_mark
+                )
+            seen.append(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile("(true|false)$"), ["t", "f"])
 
 
 @contextmanager

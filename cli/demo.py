@@ -1,5 +1,6 @@
 """`gesture-bot demo`: the graph in simulation, steered by a script, shown live and drawn afterwards."""
 
+import argparse
 import os
 import signal
 import subprocess
@@ -29,13 +30,13 @@ REFRESH = 0.1
 """Time between two pictures of the live table [s]."""
 
 
-def run_demo(output: Path) -> int:
-    """Run the demo and write its files; the exit status.
+def command(options: argparse.Namespace) -> int:
+    """`gesture-bot demo`: run the demo and write its files into a folder; the exit status.
 
     Raises:
         GestureBotError: The graph did not start, or ended early.
     """
-    console = Console()
+    console, output = Console(), options.output
     demo_database()  # on first use this takes a while, and shows its progress
     robot = load_robot("toa")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -129,11 +129,9 @@ def _deadline_misses(record: Record) -> int:
     # A trajectory begins with the frames before a window that are final only now; those may be seen already.
     known = RADIUS / FRAME_RATE
     trajectories = sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
-    cycles = 0
-    if record.diagnostics:
-        bus = record.diagnostics[-1].message.status[0]
-        cycles = next(int(value.value) for value in bus.values if value.key == "late_cycles")
-    return windows + trajectories + cycles
+    statuses = [status for heard in record.diagnostics for status in heard.message.status]
+    cycles = [int(v.value) for status in statuses for v in status.values if v.key == "late_cycles"]
+    return windows + trajectories + (cycles[-1] if cycles else 0)
 
 
 def _changes(values: Iterable[Any]) -> int:

@@ -1,6 +1,8 @@
-"""`gesture-bot`: run the graph, watch the demo, render a file."""
+"""`gesture-bot`: the command line. Each command imports what it needs when it runs: help answers at once."""
 
 import argparse
+import importlib
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,11 +15,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Parse the command line and run one command; the exit status."""
     parser = _parser()
     options = parser.parse_args(argv)
-    if "run" not in options:
+    if "module" not in options:
         parser.print_help()
         return 0
     try:
-        return options.run(options)
+        return importlib.import_module(f"gesture_bot.cli.{options.module}").command(options)
     except GestureBotError as error:
         print(f"gesture-bot: {error}", file=sys.stderr)
         return 1
@@ -47,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     run.add_argument("arguments", nargs="*", metavar="NAME:=VALUE")
-    run.set_defaults(run=_run)
+    run.set_defaults(module="run")
 
     demo = commands.add_parser(
         "demo",
@@ -58,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument(
         "-o", "--output", type=Path, default=Path("demo_out"), help="folder to write into (demo_out)"
     )
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(module="demo")
 
     render = commands.add_parser(
         "render",
@@ -78,33 +80,70 @@ def _parser() -> argparse.ArgumentParser:
             f"--{name}", default=argument.default, type=type(argument.default),
             help=f"{argument.description} ({argument.default})",
         )  # fmt: skip
-    render.set_defaults(run=_render)
-    return parser
+    render.set_defaults(module="render")
 
-
-# Each command imports what it needs when it runs: help answers at once.
-
-
-def _run(options: argparse.Namespace) -> int:
-    from gesture_bot.nodes.start import run_graph
-
-    return run_graph(options.arguments)
-
-
-def _demo(options: argparse.Namespace) -> int:
-    from gesture_bot.cli.demo import run_demo
-
-    return run_demo(options.output)
-
-
-def _render(options: argparse.Namespace) -> int:
-    from gesture_bot.cli.render import render
-
-    render(
-        options.speech, options.output,
-        database=options.database, emotion=options.emotion, robot_name=options.robot, seed=options.seed,
+    build = commands.add_parser(
+        "build-database",
+        help="make a gesture database from recordings of people",
+        description="Make a gesture database from recordings of people who speak and gesture: BVH with "
+        "sound, keypoint tables with sound, the LSG21 data set, landmark arrays. An interrupted build goes "
+        "on where it was.",
+        epilog="example: gesture-bot build-database recordings/ -o mine.safetensors --labels labels.csv",
+    )
+    build.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="file, or folder to search")
+    build.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="database file, .safetensors"
+    )
+    build.add_argument("--map", metavar="NAME|FILE", help="skeleton map (found by itself where it fits)")
+    build.add_argument(
+        "--labels", type=Path, metavar="TABLE.csv", help="table: file, emotion, style, speaker"
+    )
+    build.add_argument("--licence", default="not stated", metavar="TEXT", help="licence of the recordings")
+    build.add_argument(
+        "--future", choices=("real", "zeros"), default="real",
+        help="what follows a sequence: the recording's next frames, or zeros as in MM22's code (real)",
     )  # fmt: skip
-    return 0
+    build.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    build.set_defaults(module="build_database")
+
+    inspect = commands.add_parser(
+        "inspect",
+        help="print and draw what a gesture database holds",
+        description="Print what a gesture database holds, and draw it: histograms and a sheet of poses.",
+    )
+    inspect.add_argument("database", metavar="FILE", help="database file, or 'demo'")
+    inspect.add_argument("-o", "--output", type=Path, metavar="PICTURE.png", help="picture (FILE's name)")
+    inspect.set_defaults(module="inspect_database")
+
+    evaluate = commands.add_parser("evaluate", help="measure what the method does")
+    measures = evaluate.add_subparsers(title="what", metavar="WHAT", required=True)
+    controls = measures.add_parser(
+        "controls",
+        help="do the motion controls do what they say (MM22, table 2)",
+        description="Make motion for speech under each control, and measure it (MM22, table 2).",
+    )
+    controls.add_argument("--database", default="demo", metavar="FILE", help="database file (demo)")
+    controls.add_argument(
+        "--speech", nargs="+", type=Path, default=[], metavar="WAV", help="sound files (the embedded voice)"
+    )
+    controls.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="write the table, too")
+    controls.set_defaults(module="evaluate_controls")
+
+    bank = commands.add_parser("bank", help="look at the semantic gestures")
+    actions = bank.add_subparsers(title="what", metavar="WHAT", required=True)
+    preview = actions.add_parser(
+        "preview",
+        help="draw a gesture of a semantic bank",
+        description="Draw a gesture of a semantic bank, from the front and from the side.",
+        epilog="example: gesture-bot bank preview hello -o hello.gif",
+    )
+    preview.add_argument("gesture", metavar="NAME", help="gesture")
+    preview.add_argument(
+        "-o", "--output", type=Path, metavar="PICTURE", help=".png, or .gif to see it move (NAME.png)"
+    )
+    preview.add_argument("--bank", type=Path, metavar="FILE.yaml", help="bank of your own")
+    preview.set_defaults(module="bank_preview")
+    return parser
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The graph's motion for a sound file, without ROS and without waiting for the clock."""
 
-from pathlib import Path
+import argparse
 
 import numpy as np
 from tqdm import tqdm
@@ -8,8 +8,7 @@ from tqdm import tqdm
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
 from gesture_bot.base.trajectory import JointTrajectory
-from gesture_bot.corpus.database import Database
-from gesture_bot.corpus.demo import demo_database
+from gesture_bot.corpus.demo import load_database
 from gesture_bot.evaluate.motion_files import write_bvh, write_joint_csv
 from gesture_bot.evaluate.robot_gif import write_robot_gif
 from gesture_bot.matching.banks import load_banks
@@ -30,31 +29,29 @@ LEAD_OUT = FRAME_RATE
 """Frames after the sound, for the last retraction."""
 
 
-def render(speech: Path, output: Path, *, database: str, emotion: str, robot_name: str, seed: int) -> None:
-    """Write the motion for a sound file.
+def command(options: argparse.Namespace) -> int:
+    """`gesture-bot render`: write the motion for a sound file; the exit status.
 
     Args:
-        speech: The sound file.
-        output: .bvh (the human skeleton, 15 frames a second), .csv (joint angles [rad], 50 a second) or .gif.
-        database: A database file, or "demo".
-        emotion: A name of config/emotions.yaml.
-        robot_name: A robot of config/robots, or a YAML file.
-        seed: Seed of everything drawn at random.
+        options: speech, the sound file; output, .bvh (the human skeleton, 15 frames a second), .csv (joint
+            angles [rad], 50 a second) or .gif; database, a file or "demo"; emotion, a name of
+            config/emotions.yaml; robot, of config/robots or a YAML file; seed of everything drawn at random.
 
     Raises:
         GestureBotError: A file, name or format that is not valid.
     """
+    output = options.output
     if output.suffix not in FORMATS:
         raise InvalidValueError("cannot render to this kind of file", output.name, FORMATS)
-    samples = load_audio(speech)
-    robot = load_robot(robot_name)
+    samples = load_audio(options.speech)
+    robot = load_robot(options.robot)
     selector = Selector(
-        Database.load(demo_database() if database == "demo" else Path(database)),
+        load_database(options.database),
         emotions=load_emotions(),
         gestures=load_banks(),
-        seed=seed,
+        seed=options.seed,
     )
-    selector.set_emotion(emotion)
+    selector.set_emotion(options.emotion)
     keypoints, trajectory = motion(speech_features(samples), selector, Retargeter(robot))
     if output.suffix == ".bvh":
         write_bvh(output, keypoints, FRAME_RATE)
@@ -63,6 +60,7 @@ def render(speech: Path, output: Path, *, database: str, emotion: str, robot_nam
     else:
         write_robot_gif(output, robot, trajectory.times, trajectory.positions)
     print(f"wrote {output}: {len(keypoints) / FRAME_RATE:.1f} s of motion")
+    return 0
 
 
 def motion(

@@ -22,15 +22,22 @@ SEQUENCE = 64
 LOOKAHEAD = 14
 """Frames of real future that follow every sequence: the reach of the audio feature (MM22)."""
 
+LABELS = ("emotion", "style", "speaker")
+"""Kinds of labels that a sequence may have. Emotions that hri_msgs/Expression knows answer to `emotion`."""
+
 FORMAT = "gesture_bot database"
-VERSION = 1
+VERSION = 2
 
 _DTYPES = {
     "keypoints": np.float32,
     "features": np.float32,
     "starts": np.int64,
-    "emotion": np.int16,
     "recording": np.int32,
+    "labels": np.int16,
+    "keypoint_mean": np.float64,
+    "keypoint_deviation": np.float64,
+    "feature_mean": np.float64,
+    "feature_deviation": np.float64,
 }
 
 
@@ -44,10 +51,13 @@ class Database:
         keypoints: (N, 17, 3) float32 positions [m], pelvis frame, at 15 frames a second.
         features: (N, 28) float32 speech features of the same frames; see speech/features.py.
         starts: (S,) int64 frame at which each sequence begins.
-        emotion: (S,) int16 index of each sequence's emotion in `emotions`.
         recording: (S,) int32 number of the recording that each sequence was cut from.
-        emotions: Labels of hri_msgs/Expression.
-        metadata: Where the data comes from: provenance, licence, seed, ...
+        labels: (S, 3) int16 labels of each sequence, in the order of LABELS: an index into the `names` of
+            that kind, or -1 where it has none.
+        keypoint_mean, keypoint_deviation: (17, 3) statistics of the keypoints for z-scoring [m].
+        feature_mean, feature_deviation: (28,) statistics of the features for z-scoring.
+        names: The labels of each kind.
+        metadata: Where the data comes from, as JSON values: provenance, licence, sources, settings, ...
 
     Raises:
         InvalidValueError: An array has the wrong shape or type, or an index points outside.
@@ -56,10 +66,14 @@ class Database:
     keypoints: np.ndarray
     features: np.ndarray
     starts: np.ndarray
-    emotion: np.ndarray
     recording: np.ndarray
-    emotions: tuple[str, ...]
-    metadata: dict[str, str] = field(default_factory=dict)
+    labels: np.ndarray
+    keypoint_mean: np.ndarray
+    keypoint_deviation: np.ndarray
+    feature_mean: np.ndarray
+    feature_deviation: np.ndarray
+    names: dict[str, tuple[str, ...]]
+    metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         frames, sequences = len(self.keypoints), len(self.starts)
@@ -67,8 +81,12 @@ class Database:
             "keypoints": (frames, len(KEYPOINTS), 3),
             "features": (frames, FEATURES),
             "starts": (sequences,),
-            "emotion": (sequences,),
             "recording": (sequences,),
+            "labels": (sequences, len(LABELS)),
+            "keypoint_mean": (len(KEYPOINTS), 3),
+            "keypoint_deviation": (len(KEYPOINTS), 3),
+            "feature_mean": (FEATURES,),
+            "feature_deviation": (FEATURES,),
         }
         for name, array in self._arrays().items():
             if array.shape != shapes[name] or array.dtype != _DTYPES[name]:
@@ -80,8 +98,31 @@ class Database:
         if self.starts.min() < 0 or self.starts.max() > last:
             outside = int(self.starts[(self.starts < 0) | (self.starts > last)][0])
             raise InvalidValueError("start of a sequence", outside, [f"0 to {last}"])
-        if self.emotion.min() < 0 or self.emotion.max() >= len(self.emotions):
-            raise InvalidValueError("emotion index outside the labels", valid=self.emotions)
+        for kind, indices in zip(LABELS, self.labels.T, strict=True):
+            names = self.names[kind]
+            if indices.min() < -1 or indices.max() >= len(names):
+                raise InvalidValueError(f"index of a label outside the names of {kind}", valid=names)
+
+    def labelled(self, kind: str, name: str) -> np.ndarray:
+        """(S,) bool: the sequences with a label.
+
+        Args:
+            kind: One of LABELS.
+            name: One of the `names` of that kind.
+
+        Raises:
+            InvalidValueError: The kind or the name is not there.
+        """
+        if kind not in LABELS:
+            raise InvalidValueError("unknown kind of label", kind, LABELS)
+        if name not in self.names[kind]:
+            raise InvalidValueError(f"no sequence of the database has this {kind}", name, self.names[kind])
+        return self.labels[:, LABELS.index(kind)] == self.names[kind].index(name)
+
+    def label(self, sequence: int, kind: str) -> str:
+        """The label of a sequence, or an empty string where it has none of this kind."""
+        index = int(self.labels[sequence, LABELS.index(kind)])
+        return self.names[kind][index] if index >= 0 else ""
 
     def _arrays(self) -> dict[str, np.ndarray]:
         return {name: getattr(self, name) for name in _DTYPES}
@@ -97,7 +138,7 @@ class Database:
             "version": VERSION,
             "frame_rate": FRAME_RATE,
             "skeleton": list(KEYPOINTS),
-            "emotions": list(self.emotions),
+            "names": self.names,
             "metadata": self.metadata,
         }
         header["checksum"] = _checksum(arrays, header)
@@ -130,14 +171,16 @@ class Database:
             header = json.loads(entry)
             for key, valid in ("version", VERSION), ("frame_rate", FRAME_RATE), ("skeleton", list(KEYPOINTS)):
                 if header[key] != valid:
-                    raise FileFormatError(f"{path}: {key} of the database", header[key], [valid])
+                    again = "; build it again" if key == "version" else ""
+                    raise FileFormatError(f"{path}: {key} of the database{again}", header[key], [valid])
             arrays = _map_arrays(path)
             checksum = header.pop("checksum")
         except (KeyError, ValueError) as error:
             raise damaged from error
         if checksum != _checksum(arrays, header):
             raise damaged
-        return cls(**arrays, emotions=tuple(header["emotions"]), metadata=header["metadata"])
+        names = {kind: tuple(header["names"][kind]) for kind in LABELS}
+        return cls(**arrays, names=names, metadata=header["metadata"])
 
 
 def _map_arrays(path: Path) -> dict[str, np.ndarray]:

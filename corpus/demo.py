@@ -52,6 +52,15 @@ PROVENANCE = {
 }
 
 
+def load_database(name: str) -> Database:
+    """The database in a file or, named "demo", the demo corpus.
+
+    Raises:
+        FileFormatError: See Database.load.
+    """
+    return Database.load(demo_database() if name == "demo" else Path(name))
+
+
 def demo_database() -> Path:
     """The demo corpus's file, built on first use.
 
@@ -81,7 +90,7 @@ def demo_corpus(
     with ThreadPoolExecutor(workers or cpu_count()) as pool:
         recordings = pool.map(partial(_record, load_voice("embedded")), takes)
         progress = tqdm(recordings, "building the demo corpus", len(takes), unit="recording")
-        return build_database(progress, {**PROVENANCE, "seed": str(seed)})
+        return build_database(progress, {**PROVENANCE, "settings": {"rounds": rounds, "seed": seed}})
 
 
 @dataclass(frozen=True)
@@ -117,7 +126,7 @@ def _record(voice: Voice, take: _Take) -> Recording:
     samples, stresses = _speak(voice, take, generator)
     features = speech_features(samples)
     keypoints = gesture(stresses, len(features), take.style, generator)
-    return Recording(take.name, keypoints, features, take.emotion)
+    return Recording(take.name, keypoints, features, {"emotion": take.emotion})
 
 
 def _speak(voice: Voice, take: _Take, generator: np.random.Generator) -> tuple[np.ndarray, list[list[float]]]:

@@ -1,14 +1,17 @@
-"""From recordings to a database: padding their ends and cutting them into sequences."""
+"""From recordings to a database: cutting them into sequences, each with its future, and their statistics."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import KEYPOINTS
-from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
+from gesture_bot.corpus.database import LABELS, LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.speech.features import FEATURES, SILENCE_FEATURES
+
+Future = Literal["real", "zeros"]
 
 
 @dataclass(frozen=True)
@@ -18,54 +21,107 @@ class Recording:
     Attributes:
         name: What errors call it.
         keypoints: (n, 17, 3) positions [m], pelvis frame, at 15 frames a second.
-        features: (n, 28) speech features of the same frames; see speech/features.py.
-        emotion: Label of hri_msgs/Expression.
+        features: (m, 28) speech features of the same frames, m >= n; see speech/features.py. Those after the
+            last keypoints are the sound that follows.
+        labels: By kind, one of database.LABELS. Emotions are labels of hri_msgs/Expression.
     """
 
     name: str
     keypoints: np.ndarray
     features: np.ndarray
-    emotion: str
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
-def build_database(recordings: Iterable[Recording], metadata: dict[str, str]) -> Database:
+def build_database(
+    recordings: Iterable[Recording], metadata: dict[str, Any], future: Future = "real"
+) -> Database:
     """Cut recordings into sequences of 64 frames, end to end, the last one ending with its recording.
 
-    After the end of every recording the speaker holds still in silence for LOOKAHEAD frames, and before them
-    for as long as a recording that is shorter than a sequence takes to fill one.
+    After the last keypoints of every recording the speaker holds still for LOOKAHEAD frames, and before them
+    for as long as a recording that is shorter than a sequence takes to fill one. The sound goes on as it did,
+    and then is silent.
+
+    Args:
+        recordings: In the order of the database.
+        metadata: See Database.
+        future: `real`: the frames after a sequence are those that followed. `zeros`: every sequence is stored
+            alone, and the features after it are 0 when z-scored, as in the authors' code of MM22.
 
     Raises:
-        InvalidValueError: A recording is empty or not finite, or its features and keypoints differ in length.
+        InvalidValueError: A recording is empty or not finite, its features do not cover its keypoints, its
+            kind of label is unknown, or there is no recording.
     """
-    keypoints, features = [], []
-    starts, emotion, number = [], [], []
-    emotions: list[str] = []
+    keypoints: list[np.ndarray] = []
+    features: list[np.ndarray] = []
+    starts: list[int] = []
+    number: list[int] = []
+    labels: list[list[int]] = []
+    names: dict[str, list[str]] = {kind: [] for kind in LABELS}
     begin = 0
     for index, recording in enumerate(recordings):
         _check(recording)
-        frames = len(recording.keypoints)
-        length = max(frames, SEQUENCE)
-        still = length + LOOKAHEAD - frames
-        keypoints += [recording.keypoints, np.repeat(recording.keypoints[-1:], still, axis=0)]
-        features += [recording.features, np.tile(SILENCE_FEATURES, (still, 1))]
-        if recording.emotion not in emotions:
-            emotions.append(recording.emotion)
+        moving, heard = _with_future(recording)
+        length = len(moving) - LOOKAHEAD
         cuts = [*range(0, length - SEQUENCE, SEQUENCE), length - SEQUENCE]
-        starts += [begin + cut for cut in cuts]
-        emotion += [emotions.index(recording.emotion)] * len(cuts)
+        stored = [slice(None)]
+        if future == "zeros":
+            stored = [slice(cut, cut + SEQUENCE + LOOKAHEAD) for cut in cuts]
+            starts += [begin + place * (SEQUENCE + LOOKAHEAD) for place in range(len(cuts))]
+        else:
+            starts += [begin + cut for cut in cuts]
+        keypoints += [moving[rows] for rows in stored]
+        features += [heard[rows] for rows in stored]
+        begin += sum(map(len, keypoints[-len(stored) :]))
         number += [index] * len(cuts)
-        begin += length + LOOKAHEAD
+        labels += [[_index(names[kind], recording.labels.get(kind, "")) for kind in LABELS]] * len(cuts)
     if not starts:
         raise InvalidValueError("no recording to build a database from")
-    return Database(
-        keypoints=np.concatenate(keypoints).astype(np.float32),
-        features=np.concatenate(features).astype(np.float32),
-        starts=np.array(starts, np.int64),
-        emotion=np.array(emotion, np.int16),
+    return _with_statistics(
+        np.concatenate(keypoints),
+        np.concatenate(features),
+        np.array(starts, np.int64),
+        future,
         recording=np.array(number, np.int32),
-        emotions=tuple(emotions),
+        labels=np.array(labels, np.int16),
+        names={kind: tuple(known) for kind, known in names.items()},
         metadata=metadata,
     )
+
+
+def _with_future(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Keypoints and features of at least one sequence, and of the LOOKAHEAD frames that follow."""
+    frames = len(recording.keypoints)
+    length = max(frames, SEQUENCE) + LOOKAHEAD
+    still = np.repeat(recording.keypoints[-1:], length - frames, axis=0)
+    heard = recording.features[:length]
+    silence = np.tile(SILENCE_FEATURES, (length - len(heard), 1))
+    return (
+        np.concatenate([recording.keypoints, still]).astype(np.float32),
+        np.concatenate([heard, silence]).astype(np.float32),
+    )
+
+
+def _index(names: list[str], name: str) -> int:
+    """The place of a name, which is added where it is new; -1 for an empty one."""
+    if name and name not in names:
+        names.append(name)
+    return names.index(name) if name else -1
+
+
+def _with_statistics(
+    keypoints: np.ndarray, features: np.ndarray, starts: np.ndarray, future: Future, **fields: Any
+) -> Database:
+    """The database, with mean and deviation over the frames of all sequences."""
+    inside = np.zeros(len(keypoints), bool)
+    inside[starts[:, None] + np.arange(SEQUENCE)] = True
+    statistics = {}
+    for name, array in (("keypoint", keypoints), ("feature", features)):
+        mean, deviation = (of(array[inside], axis=0, dtype=np.float64) for of in (np.mean, np.std))
+        # A number that never changes keeps its unit.
+        statistics |= {f"{name}_mean": mean, f"{name}_deviation": np.where(deviation > 0, deviation, 1.0)}
+    if future == "zeros":
+        features[~inside] = statistics["feature_mean"]
+    return Database(keypoints=keypoints, features=features, starts=starts, **statistics, **fields)
 
 
 def _check(recording: Recording) -> None:
@@ -73,9 +129,12 @@ def _check(recording: Recording) -> None:
     if frames == 0 or recording.keypoints.shape[1:] != (len(KEYPOINTS), 3):
         wanted = f"(1 or more, {len(KEYPOINTS)}, 3)"
         raise InvalidValueError(f"keypoints of {recording.name}", recording.keypoints.shape, [wanted])
-    if recording.features.shape != (frames, FEATURES):
-        wanted = f"({frames}, {FEATURES})"
+    if recording.features.shape[1:] != (FEATURES,) or len(recording.features) < frames:
+        wanted = f"({frames} or more, {FEATURES})"
         raise InvalidValueError(f"features of {recording.name}", recording.features.shape, [wanted])
     for array in (recording.keypoints, recording.features):
         if not np.isfinite(array).all():
             raise InvalidValueError(f"{recording.name} holds numbers that are not finite")
+    for kind in recording.labels:
+        if kind not in LABELS:
+            raise InvalidValueError(f"kind of label of {recording.name}", kind, LABELS)

@@ -1,6 +1,7 @@
 """An arm as directions: two-bone inverse kinematics with constant bone lengths and a natural elbow."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from typing import Literal
 
 import numpy as np
@@ -50,6 +51,15 @@ class Arm:
         palm = np.cross(to_index, to_little) * (1 if side == "right" else -1)
         return cls(line, unit(aside), unit(to_index + to_little), unit(palm))
 
+    @classmethod
+    def stacked(cls, arms: Sequence["Arm"]) -> "Arm":
+        """One arm over n frames from n arms whose vectors are (3,)."""
+        return cls(*(np.stack(vectors) for vectors in zip(*map(astuple, arms), strict=True)))
+
+    def at(self, frames: np.ndarray) -> "Arm":
+        """The arm at some of its frames, by index."""
+        return Arm(self.wrist[frames], self.elbow[frames], self.fingers[frames], self.palm[frames])
+
     def mixed(self, other: "Arm", share: np.ndarray) -> "Arm":
         """This arm where share (n,) is 0, the other where it is 1; between them, wrists go on arcs."""
         return Arm(
@@ -79,6 +89,12 @@ class Arm:
         for joint, place in zip(_JOINTS[1:], (elbow, wrist, index, little), strict=True):
             out[:, INDEX[f"{side}_{joint}"]] = place
         return out
+
+
+def reach(body: np.ndarray, side: Side) -> float:
+    """Length of the stretched arm [m] of a body (17, 3), from shoulder to wrist."""
+    shoulder, elbow, wrist = (body[INDEX[f"{side}_{joint}"]] for joint in _JOINTS[:3])
+    return float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(wrist - elbow))
 
 
 def forearm(wrist: np.ndarray, elbow: np.ndarray, upper: np.ndarray, fore: np.ndarray) -> np.ndarray:

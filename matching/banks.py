@@ -1,42 +1,47 @@
-"""Semantic banks: gestures that mean something, as readable keyframes in YAML (MM22)."""
+"""Semantic banks: gestures that mean something, in YAML, and the words that call them (MM22, section 4.2)."""
 
 from collections.abc import Mapping
-from itertools import pairwise
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from gesture_bot.base.errors import FileFormatError
-from gesture_bot.base.files import config_dir, read_yaml
-from gesture_bot.matching.arms import SIDES, Side
-
-DIRECTIONS = {
-    "forward": (1, 0, 0),
-    "back": (-1, 0, 0),
-    "out": (0, 1, 0),
-    "in": (0, -1, 0),
-    "up": (0, 0, 1),
-    "down": (0, 0, -1),
-}
-"""Named directions of the left arm; for the right arm, `out` and `in` are mirrored."""
+from gesture_bot.base.files import config_dir, read_yaml, yaml_place
+from gesture_bot.matching.arms import Arm, Side
+from gesture_bot.matching.expressions import Label
+from gesture_bot.matching.keyframes import Keyframe, Keyframes, checked
+from gesture_bot.matching.poses import ArmPose, Strict, context
+from gesture_bot.matching.spans import Span
 
 
-def vector(direction: str, side: Side) -> np.ndarray:
-    """(3,) vector of a direction in the pelvis frame; several names mean the direction between them."""
-    forward, outward, up = np.sum([DIRECTIONS[name] for name in direction.split()], axis=0)
-    return np.array([forward, outward if side == "left" else -outward, up], np.float64)
+class Movement(Protocol):
+    """How arms and head move; all times are from the stroke [s]."""
 
+    @property
+    def first(self) -> float:
+        """When the movement begins."""
+        ...
 
-def _known(direction: str) -> str:
-    names = direction.split()
-    if not names or not set(names) <= set(DIRECTIONS) or not vector(direction, "left").any():
-        raise ValueError(f"is no direction: one or more of {', '.join(DIRECTIONS)}, like 'forward up'")
-    return direction
+    @property
+    def last(self) -> float:
+        """When it ends."""
+        ...
 
+    @property
+    def moments(self) -> np.ndarray:
+        """(n,) when it is worth a look."""
+        ...
 
-Direction = Annotated[str, AfterValidator(_known)]
+    def arm(self, side: Side, times: np.ndarray, body: np.ndarray) -> Arm | None:
+        """One arm of a body (17, 3) at (n,) moments; None where it has no part."""
+        ...
+
+    def head(self, times: np.ndarray) -> np.ndarray:
+        """(n, 3) how far the head is turned about x, y and z at (n,) moments [degrees]."""
+        ...
 
 
 def _plain(phrase: str) -> str:
@@ -45,117 +50,124 @@ def _plain(phrase: str) -> str:
     return phrase
 
 
-Trigger = Annotated[str, AfterValidator(_plain)]
+class Trigger(Strict):
+    """A word or phrase that calls a gesture, and its weight; see Gesture."""
+
+    phrase: Annotated[str, AfterValidator(_plain)]
+    weight: float = Field(1.0, gt=0)
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+def _weighted(trigger: object) -> object:
+    if isinstance(trigger, dict) and len(trigger) == 1:
+        ((phrase, weight),) = trigger.items()
+        return {"phrase": phrase, "weight": weight}
+    return {"phrase": trigger}
 
 
-class Place(_Strict):
-    """Where a wrist is, from its shoulder, in lengths of the stretched arm."""
+class Motion(Strict):
+    """How a gesture is made: by keyframes or by a span of a recording.
 
-    forward: float = Field(0.0, ge=-1, le=1)
-    out: float = Field(0.0, ge=-1, le=1)
-    up: float = Field(0.0, ge=-1, le=1)
-
-
-class ArmPose(_Strict):
-    """A pose of one arm: where the wrist is, and where palm, fingers and elbow point.
-
-    Without `fingers` the hand goes on from the forearm; without `elbow` the elbow hangs naturally.
+    Attributes:
+        preparation: From the pose before to the first keyframe, or to the span [s].
+        retraction: From its end to rest [s].
+        keyframes: In the order of time; the stroke is at time 0.
+        recording: The span.
     """
 
-    wrist: Place
-    palm: Direction
-    fingers: Direction | None = None
-    elbow: Direction | None = None
+    preparation: float = Field(0.6, gt=0, le=3)
+    retraction: float = Field(0.7, gt=0, le=3)
+    keyframes: Annotated[list[Keyframe], Field(min_length=1), AfterValidator(checked)] | None = None
+    recording: Span | None = None
+
+    @model_validator(mode="after")
+    def _either(self) -> "Motion":
+        if (self.keyframes is None) == (self.recording is None):
+            raise ValueError("must have either `keyframes` or a `recording`")
+        return self
+
+    @cached_property
+    def movement(self) -> Movement:
+        """The movement from the end of the preparation to the beginning of the retraction."""
+        return self.recording or Keyframes(self.keyframes or [])
 
 
-class HeadPose(_Strict):
-    """How far the head is turned from where it would be [degrees]: nodded down, turned left, tilted left."""
+class Variant(Motion):
+    """How a gesture is made in some emotions."""
 
-    nod: float = Field(0.0, ge=-45, le=45)
-    turn: float = Field(0.0, ge=-80, le=80)
-    tilt: float = Field(0.0, ge=-45, le=45)
+    emotions: list[Label] = Field(min_length=1)
 
 
-class Keyframe(_Strict):
-    """A pose reached and left at rest, `time` seconds after the stroke.
-
-    An arm or the head that is not named stays as in the keyframe before. `both` is `left` and `right` at
-    once, mirrored.
-    """
-
-    time: float
-    left: ArmPose | None = None
-    right: ArmPose | None = None
-    both: ArmPose | None = None
-    head: HeadPose | None = None
-
-    def arm(self, side: Side) -> ArmPose | None:
-        """The pose of one arm, if this keyframe names it."""
-        return (self.left if side == "left" else self.right) or self.both
-
-
-class Gesture(_Strict):
+class Gesture(Motion):
     """A gesture of a bank.
 
     Attributes:
-        triggers: Words and phrases that call it.
-        preparation: From the pose before to the first keyframe [s].
-        retraction: From the last keyframe to rest [s].
+        triggers: Words and phrases that call it. Of two keywords whose gestures would overlap, the heavier
+            one is made, and the first of two that weigh the same.
         cooldown: After a stroke, the same gesture is not made again for so long [s].
-        keyframes: In the order of time; the stroke is at time 0.
+        mirrored: Whether the other hand may make it; see strokes.Strokes.
+        variants: How it is made in some emotions. In any other, the emotion's tempo and amplitude change it.
     """
 
-    triggers: tuple[Trigger, ...] = Field(min_length=1)
-    preparation: float = Field(0.6, gt=0, le=3)
-    retraction: float = Field(0.7, gt=0, le=3)
+    triggers: list[Annotated[Trigger, BeforeValidator(_weighted)]] = Field(min_length=1)
     cooldown: float = Field(3.0, ge=0)
-    keyframes: tuple[Keyframe, ...] = Field(min_length=1)
+    mirrored: bool = False
+    variants: list[Variant] = []
 
-    @model_validator(mode="after")
-    def _check_keyframes(self) -> "Gesture":
-        times = [keyframe.time for keyframe in self.keyframes]
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            raise ValueError(f"the times of the keyframes must rise, and are {times}")
-        if not times[0] <= 0 <= times[-1]:
-            raise ValueError(f"the stroke, time 0, must lie within the keyframes, whose times are {times}")
-        for side in SIDES:
-            named = [keyframe.arm(side) is not None for keyframe in self.keyframes]
-            if any(named) and not named[0]:
-                raise ValueError(f"the first keyframe must pose the {side} arm, because a later one does")
-        if any(keyframe.both and (keyframe.left or keyframe.right) for keyframe in self.keyframes):
-            raise ValueError("a keyframe poses `both` arms or `left` and `right`, not all of them")
-        return self
+    def variant(self, emotion: str) -> Variant | None:
+        """How it is made in an emotion, if that has a variant of its own."""
+        return next((variant for variant in self.variants if emotion in variant.emotions), None)
+
+    def weight(self, phrase: str) -> float:
+        """The weight of a trigger; 1 for any other phrase."""
+        return next((trigger.weight for trigger in self.triggers if trigger.phrase == phrase), 1.0)
 
 
-class _Bank(RootModel[dict[str, Gesture]]):
-    pass
+class _Bank(Strict):
+    poses: dict[str, ArmPose] = {}
+    gestures: dict[str, Gesture] = {}
+
+    @field_validator("poses")
+    @classmethod
+    def _share(cls, poses: dict[str, ArmPose], info: ValidationInfo) -> dict[str, ArmPose]:
+        context(info)["poses"].update(poses)
+        return poses
 
 
 def load_banks(folder: Path | None = None) -> dict[str, Gesture]:
     """Read every gesture of the *.yaml banks in a folder, config/banks by default.
 
     Raises:
-        FileFormatError: A bank does not fit (names the key and what is valid there), or two gestures share
-            a name or a trigger.
+        FileFormatError: See read_bank; or two gestures share a name or a trigger.
     """
     gestures: dict[str, Gesture] = {}
     callers: dict[str, str] = {}
     for path in sorted((folder or config_dir() / "banks").glob("*.yaml")):
-        for name, gesture in read_yaml(path, _Bank).root.items():
+        for name, gesture in read_bank(path).items():
             if name in gestures:
-                raise FileFormatError(f"{path}: a gesture of this name is there already", name)
+                place = yaml_place(path, ("gestures", name))
+                raise FileFormatError(f"{path}: {place}: a gesture of this name is there already")
             gestures[name] = gesture
-            for phrase in gesture.triggers:
-                if phrase in callers:
-                    raise FileFormatError(f"{path}: {name} has a trigger of {callers[phrase]}", phrase)
-                callers[phrase] = name
+            for number, trigger in enumerate(gesture.triggers):
+                if trigger.phrase in callers:
+                    place = yaml_place(path, ("gestures", name, "triggers", number))
+                    raise FileFormatError(
+                        f"{path}: {place}: is a trigger of {callers[trigger.phrase]} already", trigger.phrase
+                    )
+                callers[trigger.phrase] = name
     return gestures
+
+
+def read_bank(path: Path) -> dict[str, Gesture]:
+    """Read the gestures of one bank. It may use the poses of config/banks/poses.yaml beside its own.
+
+    Raises:
+        FileFormatError: The bank does not fit; names file, line and key, and what is valid there.
+    """
+    known: dict[str, object] = {"poses": {}, "folder": path.parent}
+    read_yaml(config_dir() / "banks" / "poses.yaml", _Bank, known)
+    return read_yaml(path, _Bank, known).gestures
 
 
 def triggers(gestures: Mapping[str, Gesture]) -> dict[str, str]:
     """The gesture that each word or phrase calls."""
-    return {phrase: name for name, gesture in gestures.items() for phrase in gesture.triggers}
+    return {trigger.phrase: name for name, gesture in gestures.items() for trigger in gesture.triggers}

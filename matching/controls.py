@@ -1,4 +1,4 @@
-"""Motion controls: constraints on quantities, and the mask of frames that keep them (MM22)."""
+"""Motion controls: constraints on the motion, and the mask of frames that keep them (MM22)."""
 
 import math
 from collections.abc import Sequence
@@ -9,58 +9,111 @@ import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
-from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching.quantities import UNITS, Quantity, measure
+from gesture_bot.corpus.database import LABELS, SEQUENCE, Database
+from gesture_bot.matching.quantities import TWO_HANDED, UNITS, Quantity, measure
 from gesture_bot.matching.search import POSITIONS, eligible
 
 Hand = Literal["left", "right", "both"]
 Bound = Literal["at_least", "at_most"]
-Unit = Literal["value", "percentile"]
+Unit = Literal["percentile", "value"]
 
 FEWEST = 5
 """Sequences that the constraints must leave to choose from; with fewer, the robot would repeat itself."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """What every constraint has.
+
+    Attributes:
+        priority: Where too little motion keeps all constraints, the lowest gives way first; of equal ones,
+            the later.
+        duration: It ends so long after it was asked for [s]; 0: when others are asked for.
+
+    Raises:
+        InvalidValueError: The duration is negative or not a number.
+    """
+
+    priority: int = 0
+    duration: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.duration >= 0:
+            raise InvalidValueError(f"duration of the control {self}", self.duration, ["0 s or more"])
+
+    def holds(self, since: float, now: float) -> bool:
+        """Whether it has not ended, when it was asked for at a moment [s since the epoch]."""
+        return self.duration == 0 or now < since + self.duration
+
+
 @dataclass(frozen=True)
-class Constraint:
+class Constraint(Demand):
     """A bound on one quantity.
 
     Attributes:
         quantity: What is bounded; see quantities.py.
-        hand: Whose; with `both`, the two hands keep the bound at once.
         bound: On which side of the threshold the quantity stays.
-        value: The threshold: in the quantity's unit [m, m/s], or a percentile of the database, 0 to 100.
+        value: The threshold: a percentile of the database's frames, or a number [m, m/s].
+        hand: Whose quantity; with `both`, each hand keeps the bound, or both together have the quantity.
         unit: Which of the two `value` is.
 
     Raises:
-        InvalidValueError: A name is unknown, or the value is not finite or no percentile.
+        InvalidValueError: A name is unknown, the value is not finite or no percentile, or one hand is asked
+            of a quantity that both have together.
     """
 
     # In config/emotions.yaml an unknown key is a mistake.
     __pydantic_config__ = {"extra": "forbid"}
 
     quantity: Quantity
-    hand: Hand
     bound: Bound
     value: float
+    hand: Hand = "both"
     unit: Unit = "percentile"
 
     def __post_init__(self) -> None:
-        for name, kind in (("quantity", Quantity), ("hand", Hand), ("bound", Bound), ("unit", Unit)):
+        for name, kind in (("quantity", Quantity), ("bound", Bound), ("hand", Hand), ("unit", Unit)):
             if getattr(self, name) not in get_args(kind):
                 raise InvalidValueError(f"unknown {name} of a control", getattr(self, name), get_args(kind))
+        if self.quantity in TWO_HANDED and self.hand != "both":
+            raise InvalidValueError(f"hand of a control on {self.quantity}", self.hand, ["both"])
         if not math.isfinite(self.value):
             raise InvalidValueError(f"value of a control on {self.quantity}", self.value, ["a finite number"])
         if self.unit == "percentile" and not 0 <= self.value <= 100:
             raise InvalidValueError(f"percentile of a control on {self.quantity}", self.value, ["0 to 100"])
+        super().__post_init__()
 
     def __str__(self) -> str:
-        threshold = (
-            f"percentile {self.value:g}"
-            if self.unit == "percentile"
-            else f"{self.value:g} {UNITS[self.quantity]}"
-        )
-        return f"{self.hand} {self.quantity} {self.bound.replace('_', ' ')} {threshold}"
+        hand = "" if self.quantity in TWO_HANDED else f"{self.hand} "
+        unit = f" {UNITS[self.quantity]}" if self.unit == "value" else ""
+        percentile = "percentile " if self.unit == "percentile" else ""
+        return f"{hand}{self.quantity} {self.bound.replace('_', ' ')} {percentile}{self.value:g}{unit}"
+
+
+@dataclass(frozen=True)
+class LabelConstraint(Demand):
+    """A choice of recordings by their label.
+
+    Attributes:
+        kind: Of the label, one of database.LABELS.
+        names: The labels to choose from, one or more.
+
+    Raises:
+        InvalidValueError: The kind is unknown, or there is no name.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if self.kind not in LABELS:
+            raise InvalidValueError("unknown kind of label", self.kind, LABELS)
+        if not self.names:
+            raise InvalidValueError(f"labels of a control on {self.kind}", [], ["one or more names"])
+        super().__post_init__()
+
+    def __str__(self) -> str:
+        return f"{self.kind} {' or '.join(self.names)}"
 
 
 @dataclass(frozen=True)
@@ -78,97 +131,99 @@ class Admission:
     relaxed: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Demand:
-    """What may have to give way: its name, the frames (S, 64) that meet it, and what can be loosened."""
-
-    name: str
-    mask: np.ndarray
-    constraint: Constraint | None = None
-
-
 class Controls:
     """A database measured once, so that constraints become masks at any moment."""
 
     def __init__(self, database: Database) -> None:
+        self._database = database
         self._quantities = measure(database)
-        self._emotion, self._emotions = database.emotion, database.emotions
+        self._thresholds: dict[tuple[Quantity, Hand, Bound, float], float] = {}
 
-    def _values(self, quantity: Quantity, hand: Hand, bound: Bound) -> np.ndarray:
-        """(S, 64) the number that decides: of both hands, the one that has more to do."""
-        values = self._quantities[quantity]
-        if hand == "both":
-            return values.min(axis=-1) if bound == "at_least" else values.max(axis=-1)
-        return values[..., 0 if hand == "left" else 1]
+    def check(self, demands: Sequence[Demand]) -> None:
+        """Raise an InvalidValueError, which lists the known ones, where the database lacks a label."""
+        for demand in demands:
+            if isinstance(demand, LabelConstraint):
+                for name in demand.names:
+                    self._database.labelled(demand.kind, name)
 
     def threshold(self, constraint: Constraint) -> float:
         """The constraint's threshold in the unit of its quantity [m, m/s]."""
         if constraint.unit == "value":
             return constraint.value
-        values = self._values(constraint.quantity, constraint.hand, constraint.bound)
-        return float(np.percentile(values, constraint.value))
+        key = constraint.quantity, constraint.hand, constraint.bound, constraint.value
+        if key not in self._thresholds:
+            self._thresholds[key] = float(np.percentile(self._values(constraint), constraint.value))
+        return self._thresholds[key]
 
-    def mask(self, constraint: Constraint) -> np.ndarray:
-        """(S, 64) bool: the frames that keep one constraint."""
-        values = self._values(constraint.quantity, constraint.hand, constraint.bound)
-        threshold = self.threshold(constraint)
-        return values >= threshold if constraint.bound == "at_least" else values <= threshold
+    def mask(self, demand: Demand) -> np.ndarray:
+        """(S, 64) bool: the frames that keep one constraint.
 
-    def labelled(self, labels: Sequence[str]) -> np.ndarray | None:
-        """(S, 64) bool: the frames of sequences with one of these emotions; None where there are none."""
-        known = [self._emotions.index(label) for label in labels if label in self._emotions]
-        chosen = np.isin(self._emotion, known)
-        return np.repeat(chosen[:, None], SEQUENCE, axis=1) if chosen.any() else None
+        Raises:
+            InvalidValueError: The database lacks a label.
+        """
+        if isinstance(demand, Constraint):
+            values, threshold = self._hands(demand), self.threshold(demand)
+            kept = values >= threshold if demand.bound == "at_least" else values <= threshold
+            return self._in_sequences(np.logical_and.reduce(kept))
+        assert isinstance(demand, LabelConstraint)
+        chosen = np.zeros(len(self._database.starts), bool)
+        for name in demand.names:
+            chosen |= self._database.labelled(demand.kind, name)
+        return np.repeat(chosen[:, None], SEQUENCE, axis=1)
 
-    def admit(
-        self,
-        constraints: Sequence[Constraint],
-        labels: Sequence[str] = (),
-        weaker: Sequence[Constraint] = (),
-    ) -> Admission:
-        """The frames that keep all constraints, or as many of them as leave enough to choose from.
+    def admit(self, demands: Sequence[Demand], background: Sequence[Demand] = ()) -> Admission:
+        """The frames that keep all constraints, or as much of them as leaves enough to choose from.
 
-        Where fewer than FEWEST sequences have an eligible window, the last of the demands gives way first:
-        it moves to the nearest percentile that leaves so many, or is dropped where even without it there are
-        too few, and the one before it is next.
+        The constraints are taken by priority, the highest first. One that would leave fewer than FEWEST
+        sequences with an eligible window moves to the nearest percentile that leaves so many. A label that
+        leaves fewer is dropped.
 
         Args:
-            constraints: The strongest demands, the first one strongest of all.
-            labels: Emotions to draw from, next in strength; nothing where the database has none of them.
-            weaker: Demands that give way before the labels do.
+            demands: What was asked for.
+            background: What gives way before any of it: an emotion.
         """
-        demands = [_Demand(str(constraint), self.mask(constraint), constraint) for constraint in constraints]
-        labelled = self.labelled(labels)
-        if labelled is not None:
-            demands.append(_Demand(f"emotion {' or '.join(labels)}", labelled))
-        demands += [_Demand(str(constraint), self.mask(constraint), constraint) for constraint in weaker]
-
-        relaxed: list[str] = []
-        while self._too_few(mask := self._kept(demands)):
-            weakest = demands.pop()
-            rest = self._kept(demands)
-            if weakest.constraint is None or self._too_few(rest):
-                relaxed.append(f"{weakest.name}: dropped")
-                continue
-            percentile, mask = self._nearest(weakest.constraint, rest)
-            relaxed.append(f"{weakest.name}: relaxed to percentile {percentile:.1f}")
-            break
+        mask = np.ones((len(self._database.starts), SEQUENCE), bool)
+        relaxed = []
+        for demand in (*_strongest_first(demands), *_strongest_first(background)):
+            wanted = mask & self.mask(demand)
+            if _sequences(wanted) >= min(FEWEST, len(mask)):
+                mask = wanted
+            elif isinstance(demand, Constraint):
+                percentile, mask = self._nearest(demand, mask)
+                relaxed.append(f"{demand}: relaxed to percentile {percentile:.1f}")
+            else:
+                relaxed.append(f"{demand}: dropped")
         return Admission(mask, float(eligible(mask).mean()), tuple(relaxed))
 
-    def _kept(self, demands: Sequence[_Demand]) -> np.ndarray:
-        everything = np.ones((len(self._emotion), SEQUENCE), bool)
-        return np.logical_and.reduce([everything, *(demand.mask for demand in demands)])
+    def _hands(self, constraint: Constraint) -> np.ndarray:
+        """(1 or 2, N) the quantity of the hands that a constraint bounds."""
+        values = self._quantities[constraint.quantity]
+        return {"left": values[:1], "right": values[1:], "both": values}[constraint.hand]
 
-    def _too_few(self, mask: np.ndarray) -> bool:
-        sequences = int(eligible(mask).any(axis=1).sum())
-        return sequences < min(FEWEST, len(mask))
+    def _values(self, constraint: Constraint) -> np.ndarray:
+        """(S, 64) the number that decides: of both hands, the one that has more to do."""
+        most = np.minimum if constraint.bound == "at_least" else np.maximum
+        return self._in_sequences(most.reduce(self._hands(constraint)))
+
+    def _in_sequences(self, frames: np.ndarray) -> np.ndarray:
+        """(S, 64) what the frames (N,) of each sequence have."""
+        return np.lib.stride_tricks.sliding_window_view(frames, SEQUENCE)[self._database.starts]
 
     def _nearest(self, constraint: Constraint, rest: np.ndarray) -> tuple[float, np.ndarray]:
         """The percentile nearest to a constraint's at which FEWEST sequences stay eligible, and the mask."""
         sign = 1 if constraint.bound == "at_least" else -1
-        values = sign * self._values(constraint.quantity, constraint.hand, constraint.bound)
+        values = sign * self._values(constraint)
         # A window keeps a bound that both of its ends keep; a sequence, one that its best window keeps.
         windows = np.minimum(values[:, :POSITIONS], values[:, WINDOW - 1 :])
         best = np.where(eligible(rest), windows, -np.inf).max(axis=1)
         threshold = np.sort(best)[-min(FEWEST, len(best))]
         return 100 * float(np.mean(sign * values <= sign * threshold)), rest & (values >= threshold)
+
+
+def _strongest_first(demands: Sequence[Demand]) -> list[Demand]:
+    return sorted(demands, key=lambda demand: -demand.priority)
+
+
+def _sequences(mask: np.ndarray) -> int:
+    """How many sequences have an eligible window."""
+    return int(eligible(mask).any(axis=1).sum())

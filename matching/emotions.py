@@ -1,25 +1,18 @@
-"""Emotions as motion: the labels of hri_msgs/Expression, each with its valence, arousal and controls."""
+"""Emotions as motion: the labels of hri_msgs/Expression, and what each does to the motion."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, RootModel, field_validator
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.files import config_dir, read_yaml
 from gesture_bot.matching.controls import Constraint
-
-Label = Literal[
-    "neutral", "angry", "sad", "happy", "surprised", "disgusted", "scared", "pleading", "vulnerable",
-    "despaired", "guilty", "disappointed", "embarrassed", "horrified", "skeptical", "annoyed", "furious",
-    "suspicious", "rejected", "bored", "tired", "asleep", "confused", "amazed", "excited",
-]  # fmt: skip
-
-LABELS: tuple[str, ...] = get_args(Label)
-"""Labels of hri_msgs/Expression (REP-155)."""
+from gesture_bot.matching.expressions import LABELS, Label
+from gesture_bot.matching.shaping import AMPLITUDE, TEMPO
 
 Coordinate = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 
@@ -34,6 +27,8 @@ class Emotion:
         arousal: From -1, calm, to 1, agitated.
         labels: Emotions of the database whose motion suits it.
         constraints: Controls that bring it out in any motion.
+        tempo: How fast it makes gestures of the banks, and recorded motion of other emotions; 1 as it is.
+        amplitude: How far it makes the hands go from rest in these; 1 as they do.
     """
 
     name: str
@@ -41,6 +36,8 @@ class Emotion:
     arousal: float
     labels: tuple[str, ...]
     constraints: tuple[Constraint, ...]
+    tempo: float
+    amplitude: float
 
 
 class _Entry(BaseModel):
@@ -50,6 +47,8 @@ class _Entry(BaseModel):
     arousal: Coordinate
     labels: tuple[Label, ...]
     constraints: tuple[Constraint, ...] = ()
+    tempo: float = Field(1.0, ge=TEMPO[0], le=TEMPO[1])
+    amplitude: float = Field(1.0, ge=AMPLITUDE[0], le=AMPLITUDE[1])
 
 
 class _File(RootModel[dict[Label, _Entry]]):
@@ -69,10 +68,7 @@ def load_emotions(path: Path | None = None) -> dict[str, Emotion]:
         FileFormatError: The file does not fit; names the key and what is valid there.
     """
     entries = read_yaml(path or config_dir() / "emotions.yaml", _File).root
-    return {
-        name: Emotion(name, entry.valence, entry.arousal, entry.labels, entry.constraints)
-        for name, entry in entries.items()
-    }
+    return {name: Emotion(name, **dict(entry)) for name, entry in entries.items()}
 
 
 def find_emotion(emotions: Mapping[str, Emotion], label: str, valence: float, arousal: float) -> Emotion:

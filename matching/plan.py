@@ -24,8 +24,10 @@ class Window(KeypointClip):
         pose_distance: Of the search; see search.Match.
         audio_distance: Of the search.
         candidates: Sequences that the search chose from.
+        tempo: Frames of the recording that a frame shows; see shaping.py.
+        amplitude: How far the arms of the last frame go from rest, against the recording.
         stroke: When the gesture's stroke is to be seen, at its word or later [s since the epoch]; NaN where
-            there is none. The keyframe of the stroke is selector.STROKE_LEAD earlier.
+            there is none. The keyframe of the stroke is strokes.STROKE_LEAD earlier.
     """
 
     source: Source
@@ -35,6 +37,8 @@ class Window(KeypointClip):
     pose_distance: float = 0.0
     audio_distance: float = 0.0
     candidates: int = 0
+    tempo: float = 1.0
+    amplitude: float = 1.0
     stroke: float = np.nan
 
 

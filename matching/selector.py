@@ -1,60 +1,32 @@
 """The gesture selector: from speech features, keywords and controls to windows of motion, ahead of time."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after, frame_time
+from gesture_bot.base.frames import WINDOW, first_frame_after
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.banks import Gesture
-from gesture_bot.matching.controls import Admission, Constraint, Controls
+from gesture_bot.matching.controls import Admission, Constraint, Controls, Demand, LabelConstraint
 from gesture_bot.matching.emotions import Emotion, find_emotion
 from gesture_bot.matching.features import AUDIO_OFFSETS
-from gesture_bot.matching.keyframes import render
 from gesture_bot.matching.plan import Plan, Window
 from gesture_bot.matching.search import Preselection, Search, check_settings
 from gesture_bot.matching.settling import Settling, rest_pose
+from gesture_bot.matching.shaping import enlarged, played
+from gesture_bot.matching.strokes import Strokes
 from gesture_bot.speech.features import COEFFICIENTS, FEATURES, SILENCE_FEATURES
+from gesture_bot.speech.loudness import SPEECH_LEVEL
 
-SPEECH_RANGE = 25.0
-"""A frame is speech where its energy is less than this under the 75th percentile of the database [dB]."""
+LEAST_SPEECH = SPEECH_LEVEL - 25.0
+"""A frame is speech where its energy is over this [dB]: features are those of normalised sound."""
 
 ONSET = 4
 """Frames before the first sound of speech at which motion begins: a gesture is prepared before its word."""
 
-SHORTEST_PREPARATION = 0.3
-"""A person needs at least so long to bring a hand up [s]."""
-
 AHEAD = 0.8
 """Windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
-
-STROKE_LEAD = 0.08
-"""A stroke is planned to end so much before its word [s].
-
-The smoothing and the servos round off its end, which the robot reaches about so much later; and people make
-a stroke with its word or a little before.
-"""
-
-LATEST_STROKE = 0.7
-"""A stroke that would come later than this after its word no longer belongs to it [s]."""
-
-
-@dataclass(frozen=True)
-class _Keyword:
-    name: str
-    stroke: float
-
-
-@dataclass(frozen=True)
-class _Timing:
-    """First frame of a gesture, its preparation [s], and when its stroke is seen [s since the epoch]."""
-
-    begin: int
-    preparation: float
-    stroke: float
 
 
 class Selector:
@@ -63,7 +35,7 @@ class Selector:
     Speech is matched in the database, silence is rest, and a keyword is a gesture of the banks. A gesture
     once begun is finished up to its last keyframe; speech that goes on, or the next gesture, cuts its
     retraction short. A keyword whose stroke would come more than LATEST_STROKE after its word, or within the
-    cooldown of its gesture, is dropped.
+    cooldown of its gesture, is dropped; see strokes.Strokes.
 
     Args:
         database: Where windows of speech come from.
@@ -87,30 +59,33 @@ class Selector:
         ahead: float = AHEAD,
         react: float = 0.4,
     ) -> None:
-        self._database, self._emotions, self._gestures = database, emotions, gestures
+        self._database, self._emotions = database, emotions
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
         self._ahead, self._react = ahead, react
         self._rest = rest_pose(database)
-        self._threshold = float(np.percentile(database.features[:, COEFFICIENTS], 75)) - SPEECH_RANGE
 
         self._plan: Plan | None = None
         self._settling: Settling | None = None
         self._features: dict[int, np.ndarray] = {}
         self._last_heard = -WINDOW
-        self._keywords: list[_Keyword] = []
-        self._strokes: dict[str, float] = {}
-        self._free_from = 0
+        self._strokes = Strokes(gestures)
         self._late = 0
         self._emotion = find_emotion(emotions, "neutral", 0.0, 0.0)
-        self._constraints: tuple[Constraint, ...] = ()
+        self._constraints: tuple[Demand, ...] = ()
+        self._since = 0.0
         self._admission = self._admit()
 
     @property
     def emotion(self) -> str:
         """Label of the emotion."""
         return self._emotion.name
+
+    @property
+    def constraints(self) -> tuple[Demand, ...]:
+        """The constraints that were asked for, and have not ended."""
+        return self._constraints
 
     @property
     def eligible(self) -> float:
@@ -136,9 +111,18 @@ class Selector:
         self._emotion = find_emotion(self._emotions, label, valence, arousal)
         self._admission = self._admit()
 
-    def set_controls(self, constraints: Sequence[Constraint]) -> None:
-        """Keep these constraints, the first one the strongest, and no others, from the next window on."""
-        self._constraints = tuple(constraints)
+    def set_controls(self, constraints: Sequence[Demand], since: float = 0.0) -> None:
+        """Keep these constraints and no others, from the next window on.
+
+        Args:
+            constraints: Any number; see controls.py.
+            since: When they were asked for, from which their durations count [s since the epoch].
+
+        Raises:
+            InvalidValueError: The database lacks a label; the constraints stay as they were.
+        """
+        self._controls.check(constraints)
+        self._constraints, self._since = tuple(constraints), since
         self._admission = self._admit()
 
     def add_features(self, frame: int, features: np.ndarray) -> None:
@@ -158,18 +142,9 @@ class Selector:
         self._features[frame] = np.asarray(features, np.float32)
         self._last_heard = frame
 
-    def add_keyword(self, gesture: str, stroke: float) -> None:
-        """Make a gesture with its stroke at a moment [s since the epoch], or as soon after as a person could.
-
-        Raises:
-            InvalidValueError: The gesture is in no bank, or the moment is not finite.
-        """
-        if gesture not in self._gestures:
-            raise InvalidValueError("unknown gesture", gesture, self._gestures)
-        if not math.isfinite(stroke):
-            raise InvalidValueError(f"moment of the gesture {gesture}", stroke, ["seconds since the epoch"])
-        self._keywords.append(_Keyword(gesture, stroke))
-        self._keywords.sort(key=lambda keyword: keyword.stroke)
+    def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
+        """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
+        self._strokes.add(gesture, stroke, phrase)
 
     def plan(self, now: float) -> list[Window]:
         """Windows that are new since the last call, so that everything up to `ahead` from now is planned.
@@ -182,6 +157,7 @@ class Selector:
         Returns:
             Windows in the order of time, without a gap between them; none while enough is planned.
         """
+        self._end_controls(now)
         soonest = first_frame_after(now + self._react)
         if self._plan is None:
             self._plan = Plan(soonest, self._rest)
@@ -198,9 +174,12 @@ class Selector:
         windows: list[Window] = []
         horizon = first_frame_after(now + self._ahead)
         while True:
-            timing = self._next_gesture(soonest)
-            if timing and timing.begin <= plan.end:
-                window = self._gesture(plan, timing)
+            timing = self._strokes.next(soonest, self._emotion)
+            if timing and timing.begin <= min(plan.end, horizon):
+                plan.cut(timing.begin)
+                # Of the controls, a gesture heeds one alone: which hand is to stay low.
+                low = [c.hand for c in self._bounds if (c.quantity, c.bound) == ("wrist_height", "at_most")]
+                window = self._strokes.window(timing, self._settle(plan), low)
             elif plan.end > horizon:
                 return windows
             else:
@@ -212,14 +191,31 @@ class Selector:
             plan.add(window)
             windows.append(window)
 
+    @property
+    def _bounds(self) -> list[Constraint]:
+        return [constraint for constraint in self._constraints if isinstance(constraint, Constraint)]
+
+    def _end_controls(self, now: float) -> None:
+        """Drop the constraints whose time is over."""
+        left = tuple(constraint for constraint in self._constraints if constraint.holds(self._since, now))
+        if left != self._constraints:
+            self._constraints = left
+            self._admission = self._admit()
+
     def _admit(self) -> Admission:
-        return self._controls.admit(self._constraints, self._emotion.labels, self._emotion.constraints)
+        known = self._database.names["emotion"]
+        labels = tuple(label for label in self._emotion.labels if label in known)
+        emotion: list[Demand] = [*self._emotion.constraints]
+        if labels:
+            # Recordings of an emotion show it better than bounds on others do.
+            emotion.append(LabelConstraint("emotion", labels, priority=1))
+        return self._controls.admit(self._constraints, emotion)
 
     def _speaks(self, frame: int) -> bool:
         """Whether a frame is speech; up to a window after the last one known, it is taken to be like that."""
         if frame not in self._features and self._last_heard < frame <= self._last_heard + WINDOW:
             frame = self._last_heard
-        return frame in self._features and bool(self._features[frame][COEFFICIENTS] > self._threshold)
+        return frame in self._features and bool(self._features[frame][COEFFICIENTS] > LEAST_SPEECH)
 
     def _is_spoken(self, start: int) -> bool:
         """Whether there is speech in a window that begins here, or so soon after that it prepares for it."""
@@ -229,39 +225,60 @@ class Selector:
         """Cut the plan where it rests, or hands retract, although somebody speaks."""
         for window in plan.windows:
             if window.source != "speech":
-                first = max(window.start, soonest, self._free_from)
+                first = max(window.start, soonest, self._strokes.free_from)
                 for frame in range(first, window.stop):
                     if self._speaks(frame):
                         plan.cut(max(frame - ONSET, first))
                         return
 
     def _speech(self, plan: Plan, frames: int) -> Window | None:
-        """The window that goes on best from the last pose with the sound; None where none is eligible."""
+        """The window that goes on best from the last pose with the sound; None where nothing ever moves."""
         start, last = plan.end, plan.last
         if last.source == "speech":
-            row = self._search.row(last.sequence, last.frame + len(last.keypoints) - 1)
-            pose = self._search.pose_at(row)
+            shown = round(last.tempo * (len(last.keypoints) - 1))
+            pose = self._search.pose_at(self._search.row(last.sequence, last.frame + shown))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
         heard = range(start, start + AUDIO_OFFSETS[-1] + 1)
         sound = self._search.audio_of(
             np.array([self._features.get(frame, SILENCE_FEATURES) for frame in heard])
         )
-        k = int(self._generator.integers(1, self._k + 1))
-        match = self._search.find(pose, sound, self._admission.mask, k, self._preselection)
+        mask, k = self._admission.mask, int(self._generator.integers(1, self._k + 1))
+        match = self._search.find(pose, sound, mask, k, self._preselection)
+        if match is None:
+            # All that the controls leave is the very frame that is shown.
+            match = self._search.find(pose, sound, np.ones_like(mask), k, self._preselection)
         if match is None:
             return None
+        tempo, amplitude = self._shape(match.sequence)
         row = self._search.row(match.sequence, match.frame)
+        recorded = played(self._database.keypoints, row, frames, tempo)
+        # Another amplitude than that of the window before is reached within this one.
+        amplitudes = np.linspace(last.amplitude, amplitude, frames + 1)[1:]
         return Window(
             start,
-            self._database.keypoints[row : row + frames].astype(np.float64),
+            enlarged(recorded, amplitudes, self._rest),
             "speech",
             sequence=match.sequence,
             frame=match.frame,
             pose_distance=match.pose_distance,
             audio_distance=match.audio_distance,
             candidates=match.candidates,
+            tempo=tempo,
+            amplitude=amplitude,
         )
+
+    def _shape(self, sequence: int) -> tuple[float, float]:
+        """Tempo and amplitude at which a sequence is shown.
+
+        As recorded where the recording has the emotion, and where they would take a quantity over the bound
+        that a control sets.
+        """
+        if self._database.label(sequence, "emotion") in self._emotion.labels:
+            return 1.0, 1.0
+        bounded = {constraint.quantity for constraint in self._bounds}
+        tempo = 1.0 if "wrist_speed" in bounded else self._emotion.tempo
+        return tempo, 1.0 if bounded else self._emotion.amplitude
 
     def _silence(self, plan: Plan, frames: int) -> Window:
         """A window of rest that goes on from the last pose and velocity."""
@@ -271,34 +288,3 @@ class Selector:
 
     def _settle(self, plan: Plan) -> Settling:
         return Settling(plan.end - 1, *plan.pose_and_velocity(), self._rest)
-
-    def _next_gesture(self, soonest: int) -> _Timing | None:
-        """When the next keyword's gesture begins; keywords that come too late or too soon are dropped."""
-        while self._keywords:
-            keyword = self._keywords[0]
-            gesture = self._gestures[keyword.name]
-            free = max(soonest, self._free_from)
-            onset = gesture.keyframes[0].time - STROKE_LEAD
-            # A gesture that begins with a frame leaves the pose of the frame before.
-            stroke = max(keyword.stroke, frame_time(free - 1) + SHORTEST_PREPARATION - onset)
-            since_last = stroke - self._strokes.get(keyword.name, -math.inf)
-            if stroke - keyword.stroke <= LATEST_STROKE and since_last > gesture.cooldown:
-                preparation = min(gesture.preparation, stroke + onset - frame_time(free - 1))
-                begin = first_frame_after(stroke + onset - preparation)
-                return _Timing(max(begin, free), preparation, stroke)
-            self._keywords.pop(0)
-        return None
-
-    def _gesture(self, plan: Plan, timing: _Timing) -> Window:
-        """The next keyword's gesture, laid over a body that settles."""
-        keyword = self._keywords.pop(0)
-        gesture = self._gestures[keyword.name]
-        plan.cut(timing.begin)
-        self._strokes[keyword.name] = timing.stroke
-        planned = timing.stroke - STROKE_LEAD
-        over = planned + gesture.keyframes[-1].time
-        self._free_from = first_frame_after(over)
-        frames = np.arange(timing.begin, first_frame_after(over + gesture.retraction) + 1)
-        underlying = self._settle(plan).at(frames)
-        keypoints = render(gesture, frames / FRAME_RATE - planned, timing.preparation, underlying)
-        return Window(timing.begin, keypoints, "bank", keyword.name, stroke=timing.stroke)

@@ -1,5 +1,6 @@
 """Silence: a body that comes to rest close to where it is, and breathes (RG22)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ HALF_LIFE = 0.45
 BREATH = 3.8
 """Seconds from one breath to the next."""
 
+LOOKED_AT = 2000
+"""Sequences that stand for a database."""
+
 _BREATHING = np.zeros((len(INDEX), 3))  # how far a breath moves each keypoint [m]
 _BREATHING[INDEX["left_elbow"]] = 0.0, 0.006, 0.003
 _BREATHING[[INDEX[f"left_{part}"] for part in ("wrist", "index", "little")]] = 0.006, 0.003, 0.008
@@ -26,15 +30,17 @@ def rest_pose(database: Database) -> np.ndarray:
     """(17, 3) float64 [m]: the mean of the database's calmest frames, with the bones of its body.
 
     The calmest are the tenth of all frames at which both wrists are lowest and slowest; of neutral frames
-    alone, where the database has any.
+    alone, where the database has any. Of a long database, LOOKED_AT sequences are looked at.
     """
-    keypoints = database.keypoints.astype(np.float64)
-    unrest = ranks_of(wrist_height(keypoints).max(axis=1)) + ranks_of(wrist_speed(keypoints).max(axis=1))
-    neutral = np.array([label == "neutral" for label in database.emotions])[database.emotion]
-    starts = database.starts[neutral] if neutral.any() else database.starts
-    rows = np.unique(starts[:, None] + np.arange(SEQUENCE))
-    calmest = rows[np.argsort(unrest[rows], kind="stable")[: len(rows) // 10]]
-    return with_bone_lengths(keypoints[calmest].mean(axis=0), np.median(bone_lengths(keypoints), axis=0))
+    starts = database.starts
+    if "neutral" in database.names["emotion"]:
+        starts = starts[database.labelled("emotion", "neutral")]
+    starts = starts[:: math.ceil(len(starts) / LOOKED_AT)]
+    keypoints = database.keypoints[(starts[:, None] + np.arange(SEQUENCE)).ravel()].astype(np.float64)
+    speed = wrist_speed(keypoints, np.arange(len(starts)).repeat(SEQUENCE))
+    unrest = ranks_of(wrist_height(keypoints).max(axis=1)) + ranks_of(speed.max(axis=1))
+    calmest = keypoints[np.argsort(unrest, kind="stable")[: len(keypoints) // 10]]
+    return with_bone_lengths(calmest.mean(axis=0), np.median(bone_lengths(calmest), axis=0))
 
 
 @dataclass(frozen=True)

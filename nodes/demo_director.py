@@ -63,9 +63,7 @@ class DemoDirector(Recorder):
         yield from self._until(self._graph_stands, 30.0)
         for line, (emotion, left_high, text) in enumerate(SCRIPT):
             self._emotion.publish(Emotion(expression=emotion))
-            high = Constraint(
-                quantity=Constraint.WRIST_HEIGHT, hand=Constraint.LEFT, value=85.0, unit=Constraint.PERCENTILE
-            )
+            high = Constraint(quantity=Constraint.WRIST_HEIGHT, hand=Constraint.LEFT, value=85.0)
             self._control.publish(Control(constraints=[high] if left_high else []))
             spoken = self._utterances()
             self._say.publish(String(data=text))

@@ -4,19 +4,24 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.matching.banks import load_banks
-from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
-from gesture_bot.msg import Constraint as ConstraintMessage
 from gesture_bot.msg import Control, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
-from gesture_bot.nodes.messages import clip_to
+from gesture_bot.nodes.constraints import constraint_from, constraint_to
+from gesture_bot.nodes.messages import clip_to, key_values
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds, stamp
+
+try:
+    from hri_msgs.msg import Expression
+except ImportError:  # the package is not installed
+    Expression = None
 
 
 class GestureSelector(GestureNode):
@@ -52,15 +57,19 @@ class GestureSelector(GestureNode):
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
-        self._constraints: list[ConstraintMessage] = []
-        self._relaxed: list[str] = []
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
+        self._said: tuple[Any, ...] = ()
         self._publish_state()
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
         self.listen_to_state(Emotion, "emotion", self._on_emotion)
+        if Expression:
+            # Where the robots of PAL take the expression of their face, in the terms of REP-155.
+            self.listen_to_state(Expression, "robot_face/expression", self._on_emotion)
         self.listen_to_state(Control, "control", self._on_control)
         self.every(1 / FRAME_RATE, self._plan)
+        self.every(1.0, self._report)
         self.waits_for("features on speech/features; rests until then")
 
     def _on_features(self, message: SpeechFeatures) -> None:
@@ -68,42 +77,59 @@ class GestureSelector(GestureNode):
         self._selector.add_features(frame, np.asarray(message.features))
 
     def _on_keyword(self, message: Keyword) -> None:
-        self._selector.add_keyword(message.gesture, seconds(message.header.stamp) + self._delay)
+        stroke = seconds(message.header.stamp) + self._delay
+        self._selector.add_keyword(message.gesture, stroke, message.phrase)
 
     def _on_emotion(self, message: Emotion) -> None:
         self._selector.set_emotion(message.expression, message.valence, message.arousal)
         self._publish_state()
 
     def _on_control(self, message: Control) -> None:
-        self._selector.set_controls(
-            [
-                Constraint(wanted.quantity, wanted.hand, wanted.bound, wanted.value, wanted.unit)
-                for wanted in message.constraints
-            ]
-        )
-        self._constraints = message.constraints
+        since = seconds(message.header.stamp) or self.now()
+        self._selector.set_controls([constraint_from(wanted) for wanted in message.constraints], since)
         self._publish_state()
 
     def _plan(self) -> None:
         for window in self._selector.plan(self.now()):
             self._windows.publish(_message(window))
-        if self._selector.late != self._late:
-            self._publish_state()
+        self._publish_state()
 
     def _publish_state(self) -> None:
+        """Publish what steers the selection, where it has changed."""
+        selector = self._selector
+        said = selector.emotion, selector.constraints, selector.relaxed, selector.eligible, selector.late
+        if said == self._said:
+            return
+        self._said = said
+        if selector.relaxed:
+            self.get_logger().warning(f"too few windows fit all; gave way: {', '.join(selector.relaxed)}")
         state = SelectorState(
-            expression=self._selector.emotion,
-            constraints=self._constraints,
-            relaxed=self._selector.relaxed,
-            eligible=self._selector.eligible,
+            expression=selector.emotion,
+            constraints=[constraint_to(constraint) for constraint in selector.constraints],
+            relaxed=selector.relaxed,
+            eligible=selector.eligible,
             delay=self._delay,
-            late=self._selector.late,
+            late=selector.late,
         )
-        if state.relaxed and state.relaxed != self._relaxed:
-            self.get_logger().warning(f"too few windows fit all; gave way: {', '.join(state.relaxed)}")
-        self._late, self._relaxed = state.late, state.relaxed
         state.header.stamp = stamp(self.now())
         self._states.publish(state)
+
+    def _report(self) -> None:
+        relaxed = self._selector.relaxed
+        status = DiagnosticStatus(
+            name="gesture_bot: gesture selector",
+            level=DiagnosticStatus.WARN if relaxed else DiagnosticStatus.OK,
+            message=f"gave way: {', '.join(relaxed)}" if relaxed else "all constraints hold",
+            values=key_values(
+                expression=self._selector.emotion,
+                constraints=len(self._selector.constraints),
+                eligible_windows=f"{self._selector.eligible:.3f}",
+                late=self._selector.late,
+            ),
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = stamp(self.now())
+        self._diagnostics.publish(message)
 
 
 def _message(window: Window) -> GestureWindow:

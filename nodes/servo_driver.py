@@ -6,13 +6,13 @@ import time
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.base.errors import BusError
-from gesture_bot.nodes.messages import trajectory_from
+from gesture_bot.nodes.messages import key_values, trajectory_from
 from gesture_bot.nodes.node import PLAN, GestureNode, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver, Feedback
@@ -92,7 +92,7 @@ class ServoDriver(GestureNode):
             message=f"no answer from {', '.join(status.silent)}; the robot holds"
             if status.silent
             else "running",
-            values=_values(
+            values=key_values(
                 cycles=status.cycles,
                 late_cycles=status.late_cycles,
                 read_failures=status.read_failures,
@@ -107,14 +107,10 @@ class ServoDriver(GestureNode):
                 name=f"gesture_bot: servo {joint}",
                 level=DiagnosticStatus.ERROR if health.errors else DiagnosticStatus.OK,
                 message=", ".join(health.errors) or "healthy",
-                values=_values(temperature_degc=health.temperature, voltage_v=health.voltage),
+                values=key_values(temperature_degc=health.temperature, voltage_v=health.voltage),
             )
             for joint, health in list(status.health.items())
         ]
         message = DiagnosticArray(status=[bus, *servos])
         message.header.stamp = stamp(self.now())
         self._diagnostics.publish(message)
-
-
-def _values(**values: float) -> list[KeyValue]:
-    return [KeyValue(key=key, value=str(value)) for key, value in values.items()]

@@ -42,5 +42,5 @@ def small_database(seed: int = 0, recordings: int = 12, frames: int = 200) -> Da
     for number in range(recordings - 1):
         mood = list(MOODS)[number % len(MOODS)]
         moved = motion(generator, frames, *MOODS[mood])
-        made.append(Recording(f"number {number}", moved, sound(generator, frames), mood))
+        made.append(Recording(f"number {number}", moved, sound(generator, frames), {"emotion": mood}))
     return build_database([*made, made[0]], {})

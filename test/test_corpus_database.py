@@ -13,7 +13,8 @@ from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.corpus.recordings import Recording, build_database
 from gesture_bot.speech.features import SILENCE_FEATURES
 
-ARRAYS = ("keypoints", "features", "starts", "emotion", "recording")
+STATISTICS = ("keypoint_mean", "keypoint_deviation", "feature_mean", "feature_deviation")
+ARRAYS = ("keypoints", "features", "starts", "recording", "labels", *STATISTICS)
 
 
 def recording(frames: int, emotion: str) -> Recording:
@@ -22,7 +23,7 @@ def recording(frames: int, emotion: str) -> Recording:
         f"{emotion} {frames}",
         generator.normal(size=(frames, len(KEYPOINTS), 3)).astype(np.float32),
         generator.normal(size=(frames, 28)).astype(np.float32),
-        emotion,
+        {"emotion": emotion, "speaker": f"speaker {frames % 3}"},
     )
 
 
@@ -37,7 +38,10 @@ def built() -> Database:
 def test_sequences_cover_each_recording_and_keep_their_future(built):
     assert built.starts.tolist() == [0, 64, 128, 136, 214, 292]
     assert built.recording.tolist() == [0, 0, 0, 0, 1, 2]
-    assert [built.emotions[i] for i in built.emotion] == ["happy"] * 4 + ["sad", "happy"]
+    assert [built.label(s, "emotion") for s in range(6)] == ["happy"] * 4 + ["sad", "happy"]
+    assert [built.label(s, "speaker") for s in range(6)] == ["speaker 2"] * 4 + ["speaker 0", "speaker 1"]
+    assert [built.label(s, "style") for s in range(6)] == [""] * 6
+    assert built.labelled("emotion", "sad").tolist() == [False] * 4 + [True, False]
     assert len(built.keypoints) == 200 + SEQUENCE + SEQUENCE + 3 * LOOKAHEAD
     assert built.starts.max() + SEQUENCE + LOOKAHEAD == len(built.keypoints)
 
@@ -47,13 +51,46 @@ def test_the_speaker_holds_still_in_silence_after_a_recording(built):
     np.testing.assert_array_equal(built.features[244:292], np.tile(SILENCE_FEATURES, (48, 1)))
 
 
+def test_the_sound_goes_on_after_a_cut():
+    whole = recording(100, "happy")
+    cut = Recording("cut", whole.keypoints[:70], whole.features, {})
+    built = build_database([cut], {})
+    np.testing.assert_array_equal(built.features, whole.features[:84])
+    np.testing.assert_array_equal(built.keypoints[70:], np.repeat(whole.keypoints[69:70], 14, axis=0))
+
+
+def test_zeros_stand_for_the_future_where_the_papers_way_is_asked_for():
+    whole = recording(200, "happy")
+    built = build_database([whole], {}, future="zeros")
+    assert built.starts.tolist() == [0, 78, 156, 234]
+    for start, cut in zip(built.starts, (0, 64, 128, 136), strict=True):
+        np.testing.assert_array_equal(built.features[start : start + 64], whole.features[cut : cut + 64])
+        padding = (built.features[start + 64 : start + 78] - built.feature_mean) / built.feature_deviation
+        assert np.abs(padding).max() < 1e-6
+
+
+def test_statistics_are_those_of_the_sequences(built):
+    frames = built.features[np.unique(built.starts[:, None] + np.arange(SEQUENCE))].astype(np.float64)
+    assert np.allclose(built.feature_mean, frames.mean(axis=0))
+    assert np.allclose(built.feature_deviation, frames.std(axis=0))
+
+
+def test_labels_that_are_not_there_are_answered_with_those_that_are(built):
+    with pytest.raises(InvalidValueError, match="emotion: 'furious'; valid: happy, sad"):
+        built.labelled("emotion", "furious")
+    with pytest.raises(InvalidValueError, match="'mood'; valid: emotion, style, speaker"):
+        built.labelled("mood", "sad")
+    with pytest.raises(InvalidValueError, match="label of odd: 'mood'"):
+        build_database([Recording("odd", built.keypoints, built.features, {"mood": "sad"})], {})
+
+
 def test_round_trip(built, tmp_path):
     path = tmp_path / "own.safetensors"
     built.save(path)
     loaded = Database.load(path)
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(loaded, name), getattr(built, name))
-    assert loaded.emotions == built.emotions
+    assert loaded.names == built.names
     assert loaded.metadata == {"licence": "CC0", "seed": "7"}
 
 
@@ -134,7 +171,7 @@ def test_another_version_is_named(built, tmp_path, monkeypatch):
     with monkeypatch.context() as older:
         older.setattr(database, "VERSION", 0)
         built.save(path)
-    with pytest.raises(FileFormatError, match="version .*: 0; valid: 1"):
+    with pytest.raises(FileFormatError, match="version .*build it again: 0; valid: 2"):
         Database.load(path)
 
 
@@ -172,9 +209,9 @@ def test_an_interrupted_write_leaves_the_old_file(built, tmp_path, monkeypatch):
 
 def test_recordings_that_do_not_fit_are_named():
     good = recording(100, "happy")
-    with pytest.raises(InvalidValueError, match=r"features of short.*\(90, 28\).*\(100, 28\)"):
-        build_database([Recording("short", good.keypoints, good.features[:90], "happy")], {})
+    with pytest.raises(InvalidValueError, match=r"features of short.*\(90, 28\).*\(100 or more, 28\)"):
+        build_database([Recording("short", good.keypoints, good.features[:90])], {})
     with pytest.raises(InvalidValueError, match="holed holds numbers that are not finite"):
-        build_database([Recording("holed", good.keypoints * np.nan, good.features, "happy")], {})
+        build_database([Recording("holed", good.keypoints * np.nan, good.features)], {})
     with pytest.raises(InvalidValueError, match="no recording"):
         build_database([], {})

@@ -22,18 +22,21 @@ def built() -> Database:
 
 
 def test_speech_and_silence_of_every_emotion_are_in_it(built):
-    assert built.emotions == ("sad", "excited")
+    assert built.names["emotion"] == ("sad", "excited")
     assert built.features.shape == (len(built.keypoints), FEATURES)
     loudness, silence = built.features[:, STATIC - 1], SILENCE_FEATURES[STATIC - 1]
-    for emotion in range(2):
-        loud = [loudness[start : start + SEQUENCE].max() for start in built.starts[built.emotion == emotion]]
+    for emotion in built.names["emotion"]:
+        loud = [
+            loudness[start : start + SEQUENCE].max()
+            for start in built.starts[built.labelled("emotion", emotion)]
+        ]
         assert max(loud) > silence + 30
         assert min(loud) == silence
 
 
 def test_the_result_does_not_depend_on_the_number_of_workers(built):
     alone = demo_corpus(FEW, workers=1)
-    for name in ("keypoints", "features", "starts", "emotion", "recording"):
+    for name in ("keypoints", "features", "starts", "labels", "recording"):
         assert getattr(alone, name).tobytes() == getattr(built, name).tobytes()
 
 
@@ -47,7 +50,7 @@ def test_it_is_built_once_and_kept(monkeypatch, tmp_path):
     monkeypatch.setattr(demo, "SENTENCES", {"bored": FEW["sad"][:1]})
     path = demo_database()
     assert path.is_relative_to(tmp_path)
-    assert Database.load(path).emotions == ("bored",)
+    assert Database.load(path).names["emotion"] == ("bored",)
     monkeypatch.setattr(demo, "demo_corpus", None)
     assert demo_database() == path
 

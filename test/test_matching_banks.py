@@ -1,30 +1,36 @@
-"""Semantic banks: the gestures that ship, their motion, and mistakes in a bank."""
+"""The gestures that ship: their words, and what they look like in every emotion."""
 
 import numpy as np
 import pytest
 from small_database import small_database
 
-from gesture_bot.base.errors import FileFormatError
 from gesture_bot.base.keypoints import INDEX, bone_lengths
 from gesture_bot.corpus.sentences import EVERYDAY
+from gesture_bot.matching.arms import SIDES, reach
 from gesture_bot.matching.banks import load_banks, triggers
-from gesture_bot.matching.keyframes import render
+from gesture_bot.matching.emotions import load_emotions
+from gesture_bot.matching.rendering import render
 from gesture_bot.matching.settling import rest_pose
 from gesture_bot.speech.keywords import KeywordSpotter
 from gesture_bot.speech.voice import Word
 
 GESTURES = load_banks()
 REST = rest_pose(small_database())
+WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
+AMPLITUDES = sorted({emotion.amplitude for emotion in load_emotions().values()})
+MOTIONS = {
+    name if motion is gesture else f"{name} {motion.emotions[0]}": motion
+    for name, gesture in GESTURES.items()
+    for motion in (gesture, *gesture.variants)
+}
 
 
-def rendered(name, rate=60):
-    gesture = GESTURES[name]
-    start, end = (
-        gesture.keyframes[0].time - gesture.preparation,
-        gesture.keyframes[-1].time + gesture.retraction,
-    )
-    times = np.arange(start, end + 1 / rate, 1 / rate)
-    return times, render(gesture, times, gesture.preparation, np.repeat(REST[None], len(times), axis=0))
+def rendered(name, amplitude=1.0, rate=60):
+    motion = MOTIONS[name]
+    start = motion.movement.first - motion.preparation
+    times = np.arange(start, motion.movement.last + motion.retraction + 1 / rate, 1 / rate)
+    underlying = np.repeat(REST[None], len(times), axis=0)
+    return times, render(motion, times, motion.preparation, underlying, amplitude)
 
 
 def at_stroke(name):
@@ -33,9 +39,12 @@ def at_stroke(name):
 
 
 def test_enough_gestures_and_words():
-    assert {"hello", "yes", "no", "you", "me", "big", "small", "stop", "think", "everybody"} <= set(GESTURES)
-    assert len(GESTURES) >= 17
-    assert len(triggers(GESTURES)) >= 90
+    assert len(GESTURES) >= 40
+    assert len(triggers(GESTURES)) >= 150
+    assert {"hello", "stop", "okay", "dont_know", "me", "you", "here", "everybody", "big", "round"} <= set(
+        GESTURES
+    )
+    assert {"tall", "up", "down", "one_hand", "other_hand", "more", "less", "connect", "one"} <= set(GESTURES)
 
 
 def called(sentence):
@@ -47,39 +56,45 @@ def called(sentence):
 def test_words_call_what_they_mean():
     assert called("Good morning, I want to thank you, and what about you?") == ["hello", "thanks", "you"]
     assert called("Look at me, and come here!") == ["me", "come"]
+    assert called("On the one hand it is small, on the other hand it is fast.") == [
+        "one_hand", "small", "other_hand", "fast",
+    ]  # fmt: skip
 
 
 def test_most_speech_is_left_to_the_search():
     assert called("My name is Toa, I am your guide, and there you can sit.") == []
-    assert sum(len(called(sentence)) for sentence in EVERYDAY) < 0.7 * len(EVERYDAY)
+    assert sum(len(called(sentence)) for sentence in EVERYDAY) < len(EVERYDAY)
 
 
-@pytest.mark.parametrize("name", GESTURES)
+@pytest.mark.parametrize("name", MOTIONS)
 def test_a_gesture_grows_out_of_rest_and_goes_back_without_a_jump(name):
     _, keypoints = rendered(name)
     assert np.allclose(keypoints[[0, -1]], REST, atol=2e-3)
     speed = np.linalg.norm(np.diff(keypoints, axis=0), axis=-1) * 60
+    assert speed[:, WRISTS].max() < 3.5
     assert speed.max() < 5.0
     assert np.abs(np.diff(speed, axis=0)).max() * 60 < 60.0
 
 
-@pytest.mark.parametrize("name", GESTURES)
-def test_bones_keep_their_lengths(name):
-    _, keypoints = rendered(name)
+@pytest.mark.parametrize("amplitude", [AMPLITUDES[0], 1.0, AMPLITUDES[-1]])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_hands_keep_out_of_the_trunk_and_of_each_other_and_within_reach(name, amplitude):
+    _, keypoints = rendered(name, amplitude)
     assert np.allclose(bone_lengths(keypoints), bone_lengths(REST), atol=1e-6)
-
-
-@pytest.mark.parametrize("name", GESTURES)
-def test_hands_stay_out_of_the_trunk(name):
-    _, keypoints = rendered(name)
-    wrists = keypoints[:, [INDEX["left_wrist"], INDEX["right_wrist"]]]
-    assert np.linalg.norm(wrists[..., :2] / (0.10, 0.14), axis=-1).min() > 1
+    wrists = keypoints[:, WRISTS]
+    low = wrists[..., 2] < REST[INDEX["neck"], 2]
+    assert np.linalg.norm(wrists[low][:, :2] / (0.13, 0.17), axis=-1).min() > 1
+    assert np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1).min() > 0.08
+    for side in SIDES:
+        arm = keypoints[:, INDEX[f"{side}_wrist"]] - keypoints[:, INDEX[f"{side}_shoulder"]]
+        assert np.linalg.norm(arm, axis=-1).max() < 0.97 * reach(REST, side)
 
 
 def test_gestures_look_like_what_they_mean():
     hello = at_stroke("hello")
     assert hello["right_wrist"][2] > hello["right_shoulder"][2] > hello["right_elbow"][2]
     assert hello["right_index"][2] > hello["right_wrist"][2]
+    assert at_stroke("hello sad")["right_wrist"][2] < hello["right_wrist"][2] - 0.15
     width = {
         name: at_stroke(name)["left_wrist"][1] - at_stroke(name)["right_wrist"][1]
         for name in ("big", "small")
@@ -89,6 +104,10 @@ def test_gestures_look_like_what_they_mean():
     assert at_stroke("stop")["right_wrist"][0] > 0.35
     me = at_stroke("me")
     assert me["right_index"][0] < me["right_wrist"][0] < at_stroke("you")["right_wrist"][0]
+    assert at_stroke("behind")["right_index"][0] < at_stroke("future")["right_index"][0] - 0.3
+    across = [at_stroke(name)["right_wrist"][1] for name in ("one", "two", "three")]
+    assert across[0] > across[1] + 0.1 > across[2] + 0.2
+    assert at_stroke("one_hand")["left_wrist"][1] > 0.35 and at_stroke("other_hand")["right_wrist"][1] < -0.35
 
 
 def test_the_head_nods_and_shakes():
@@ -104,51 +123,10 @@ def test_an_arm_that_is_not_used_keeps_its_motion():
     assert np.array_equal(keypoints[:, left], np.broadcast_to(REST[left], keypoints[:, left].shape))
 
 
-BANK = """
-wave:
-  triggers: [ahoy, good day]
-  keyframes:
-    - time: 0.0
-      right: {wrist: {forward: 0.4, up: 0.3}, palm: forward, fingers: up out}
-    - time: 0.4
-      head: {nod: 5}
-"""
+def test_an_amplitude_makes_a_gesture_larger_or_smaller():
+    def width(amplitude):
+        _, keypoints = rendered("big", amplitude)
+        return (keypoints[:, WRISTS[0], 1] - keypoints[:, WRISTS[1], 1]).max()
 
-
-def read(tmp_path, *banks):
-    for number, bank in enumerate(banks):
-        (tmp_path / f"bank{number}.yaml").write_text(bank)
-    return load_banks(tmp_path)
-
-
-def test_a_bank_of_ones_own(tmp_path):
-    assert triggers(read(tmp_path, BANK)) == {"ahoy": "wave", "good day": "wave"}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "named"),
-    [
-        (
-            "palm: forward",
-            "palm: sideways",
-            "wave.keyframes.0.right.palm.*forward, back, out, in, up, down.*sideways",
-        ),
-        ("palm: forward", "palm: up down", "palm.*up down"),
-        ("forward: 0.4", "forward: 4", "right.wrist.forward.*less than or equal to 1.*got 4"),
-        ("fingers:", "thumb:", "right.thumb.*got 'up out'"),
-        ("time: 0.4", "time: -0.4", "times.*must rise"),
-        ("time: 0.0", "time: 0.1", "the stroke, time 0"),
-        ("ahoy", "Ahoy", "wave.triggers.0.*lower-case.*Ahoy"),
-        ("ahoy", "yes", "wave.triggers.0.*string.*got True"),
-        ("head: {nod: 5}", "left: {wrist: {up: 0.1}, palm: up}", "first keyframe must pose the left arm"),
-        ("    - time: 0.4", "  - time: 0.4", "not YAML.*line"),
-    ],
-)
-def test_a_mistake_is_named_with_its_place(tmp_path, old, new, named):
-    with pytest.raises(FileFormatError, match=named):
-        read(tmp_path, BANK.replace(old, new, 1))
-
-
-def test_a_trigger_calls_one_gesture(tmp_path):
-    with pytest.raises(FileFormatError, match="salute has a trigger of wave.*ahoy"):
-        read(tmp_path, BANK, BANK.replace("wave:", "salute:"))
+    assert width(0.6) < width(1.0) - 0.15
+    assert width(1.3) > width(1.0) + 0.05

@@ -1,5 +1,6 @@
 """Emotions: every label of hri_msgs/Expression, and the plane of valence and arousal."""
 
+import numpy as np
 import pytest
 
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
@@ -33,6 +34,13 @@ def test_an_unknown_label_is_answered_with_the_known():
         find_emotion(EMOTIONS, "cheerful", 0.0, 0.0)
 
 
+def test_activation_makes_motion_faster_and_sadness_smaller():
+    arousal, tempo = ([getattr(e, name) for e in EMOTIONS.values()] for name in ("arousal", "tempo"))
+    assert np.corrcoef(arousal, tempo)[0, 1] > 0.8
+    assert EMOTIONS["neutral"].tempo == EMOTIONS["neutral"].amplitude == 1
+    assert EMOTIONS["sad"].amplitude < EMOTIONS["neutral"].amplitude < EMOTIONS["angry"].amplitude
+
+
 @pytest.mark.parametrize(("valence", "arousal"), [(float("nan"), 0.0), (0.0, 1.5), (-2.0, 0.0)])
 def test_a_place_outside_the_plane_is_refused(valence, arousal):
     with pytest.raises(InvalidValueError, match="-1 to 1"):
@@ -47,6 +55,13 @@ def test_a_place_outside_the_plane_is_refused(valence, arousal):
         ("labels: [happy]", "labels: [glad]", "happy.labels.0.*glad"),
         ("bored:", "dull:", "dull.*neutral"),
         ("value: 20", "value: 20, colour: red", "colour"),
+        ("tempo: 1.1", "tempo: 3.0", "happy.tempo"),
+        ("amplitude: 1.15", "amplitude: 0", "happy.amplitude"),
+        (
+            "{quantity: wrist_asymmetry,",
+            "{quantity: wrist_asymmetry, hand: left,",
+            "horrified.constraints.1: hand.*'left'; valid: both",
+        ),
     ],
 )
 def test_a_file_with_a_mistake_says_where(tmp_path, old, new, named):

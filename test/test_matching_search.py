@@ -1,27 +1,28 @@
-"""The search, held against a slow literal transcription of the method."""
+"""The plain search, held against a slow literal transcription of the method, and the fast one against it."""
 
 import math
 
 import numpy as np
 import pytest
+from large_database import large_database, random_mask
 from small_database import small_database
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import INDEX, MATCHED
-from gesture_bot.matching.search import Search
+from gesture_bot.corpus.database import Database
+from gesture_bot.matching.reference import Reference
+from gesture_bot.matching.search import KEPT_SEARCHES, Search
 
 DATABASE = small_database(recordings=10)
-SEARCH = Search(DATABASE)
+SEARCH, REFERENCE = Search(DATABASE), Reference(DATABASE)
+BOTH = pytest.mark.parametrize("search", [SEARCH, REFERENCE], ids=["fast", "plain"])
 SEQUENCES = len(DATABASE.starts)
 
 
-def z_scored(frames):
-    frames = frames.astype(np.float64)
-    return (frames - frames.mean(axis=0)) / frames.std(axis=0)
-
-
-POSES = z_scored(np.concatenate([DATABASE.keypoints[:, INDEX[name]] for name in MATCHED], axis=1))
-SOUNDS = z_scored(DATABASE.features[:, :14])
+# Numbers of every frame in standard deviations from the mean.
+KEYPOINTS = (DATABASE.keypoints - DATABASE.keypoint_mean) / DATABASE.keypoint_deviation
+POSES = np.concatenate([KEYPOINTS[:, INDEX[name]] for name in MATCHED], axis=1)
+SOUNDS = ((DATABASE.features - DATABASE.feature_mean) / DATABASE.feature_deviation)[:, :14]
 
 
 def pose_feature(row):
@@ -92,11 +93,38 @@ def test_finds_what_the_method_finds(preselection, share):
         )
         mask = curve < share
         expected = literal_search(pose.tolist(), audio.tolist(), mask, k, preselection)
-        match = SEARCH.find(pose, audio, mask, k, preselection)
+        match = REFERENCE.find(pose, audio, mask, k, preselection)
         assert (match and (match.sequence, match.frame, match.candidates)) == expected
+        assert SEARCH.find(pose, audio, mask, k, preselection) == match
 
 
-def test_ties_go_to_the_first_sequence():
+@pytest.fixture(scope="module")
+def large():
+    """1,000 sequences, the last 50 of which say and do the same as the first."""
+    database = large_database(1000, repeated=50)
+    return database, Search(database), Reference(database)
+
+
+@pytest.mark.parametrize(("preselection", "queries"), [("pose", 500), ("audio", 250), ("pose_only", 250)])
+def test_the_fast_search_finds_what_the_plain_one_finds(large, preselection, queries):
+    database, fast, plain = large
+    generator = np.random.default_rng(len(preselection))
+    for query in range(queries):
+        # The sound of the same row as the pose, of another one, or something that is nowhere.
+        row, other = generator.integers(0, len(database.keypoints) - 14, 2)
+        pose, audio = fast.pose_at(row), fast.audio_of(database.features[generator.choice([row, other]) :])
+        if query % 3 == 0:
+            pose, audio = pose + generator.normal(size=96), audio + 0.3 * generator.normal(size=112)
+        mask = random_mask(generator, 1000, (0.02, 0.15, 0.5, 1.0)[query % 4])
+        if query % 5 == 0:
+            mask[50:950] = False  # what is left is there twice
+        k = 1 + query % 15
+        found = fast.find(pose, audio, mask, k, preselection)
+        assert found == plain.find(pose, audio, mask, k, preselection)
+
+
+@BOTH
+def test_ties_go_to_the_first_sequence(search):
     """The last recording repeats the first, and both alone are allowed: every distance ties."""
     mask = np.zeros((SEQUENCES, 64), bool)
     last = DATABASE.recording.max()
@@ -105,26 +133,28 @@ def test_ties_go_to_the_first_sequence():
     for _ in range(20):
         pose, audio = random_query(generator)
         for preselection in ("pose", "audio", "pose_only"):
-            match = SEARCH.find(pose, audio, mask, 1, preselection)
+            match = search.find(pose, audio, mask, 1, preselection)
             assert DATABASE.recording[match.sequence] == 0
             expected = literal_search(pose.tolist(), audio.tolist(), mask, 1, preselection)
             assert (match.sequence, match.frame, match.candidates) == expected
 
 
-def test_the_own_frame_of_the_query_is_skipped():
+@BOTH
+def test_the_own_frame_of_the_query_is_skipped(search):
     row = SEARCH.row(5, 20)
     pose, audio = SEARCH.pose_at(row), SEARCH.audio_of(DATABASE.features[row:])
-    match = SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool))
+    match = search.find(pose, audio, np.ones((SEQUENCES, 64), bool))
     assert match.pose_distance > 0
     only = np.zeros((SEQUENCES, 64), bool)
     only[5, [20, 27]] = True
-    assert SEARCH.find(pose, audio, only) is None
+    assert search.find(pose, audio, only) is None
 
 
-def test_distances_are_those_of_the_window_found():
+@BOTH
+def test_distances_are_those_of_the_window_found(search):
     generator = np.random.default_rng(1)
     pose, audio = random_query(generator)
-    match = SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool))
+    match = search.find(pose, audio, np.ones((SEQUENCES, 64), bool))
     assert match.pose_distance == pytest.approx(math.dist(POSE_FEATURES[match.sequence][match.frame], pose))
     expected = cosine_distance(AUDIO_FEATURES[match.sequence][match.frame], audio.tolist())
     assert match.audio_distance == pytest.approx(expected)
@@ -138,15 +168,35 @@ def test_queries_from_outside_agree_with_rows_of_the_database():
     assert np.allclose(held, POSES[row])
 
 
-def test_nothing_eligible_is_said():
+@BOTH
+def test_nothing_eligible_is_said(search):
     pose, audio = random_query(np.random.default_rng(0))
-    assert SEARCH.find(pose, audio, np.zeros((SEQUENCES, 64), bool)) is None
+    assert search.find(pose, audio, np.zeros((SEQUENCES, 64), bool)) is None
 
 
+@BOTH
 @pytest.mark.parametrize(
     ("k", "preselection", "valid"), [(0, "pose", "1 to 15"), (16, "pose", "1 to 15"), (1, "x", "pose_only")]
 )
-def test_bad_settings_are_named(k, preselection, valid):
+def test_bad_settings_are_named(search, k, preselection, valid):
     pose, audio = random_query(np.random.default_rng(0))
     with pytest.raises(InvalidValueError, match=valid):
-        SEARCH.find(pose, audio, np.ones((SEQUENCES, 64), bool), k, preselection)
+        search.find(pose, audio, np.ones((SEQUENCES, 64), bool), k, preselection)
+
+
+@BOTH
+@pytest.mark.parametrize("broken", ["pose", "audio"])
+def test_a_query_that_is_not_finite_is_named(search, broken):
+    queries = dict(zip(("pose", "audio"), random_query(np.random.default_rng(0)), strict=True))
+    queries[broken][3] = np.nan
+    with pytest.raises(InvalidValueError, match=broken):
+        search.find(queries["pose"], queries["audio"], np.ones((SEQUENCES, 64), bool))
+
+
+def test_a_mapped_file_is_given_back_and_read_again(tmp_path):
+    DATABASE.save(tmp_path / "database.safetensors")
+    mapped = Search(Database.load(tmp_path / "database.safetensors"))
+    mask, generator = np.ones((SEQUENCES, 64), bool), np.random.default_rng(4)
+    for _ in range(KEPT_SEARCHES + 2):
+        pose, audio = random_query(generator)
+        assert mapped.find(pose, audio, mask) == SEARCH.find(pose, audio, mask)

@@ -1,81 +1,23 @@
-"""The selector: windows that never stop, speech and silence, keywords on time, emotion and controls."""
+"""The selector: windows that never stop, speech and silence, emotion and controls."""
 
-import math
+import dataclasses
 
 import numpy as np
 import pytest
-from small_database import small_database, sound
+from show import DATABASE, EMOTIONS, GESTURES, SPEECH, START, WRISTS, Show, selector
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, first_frame_after, frame_time
-from gesture_bot.base.keypoints import INDEX
-from gesture_bot.matching.banks import load_banks
-from gesture_bot.matching.controls import Constraint, Controls
-from gesture_bot.matching.emotions import load_emotions
-from gesture_bot.matching.selector import STROKE_LEAD, Selector
+from gesture_bot.base.keypoints import bone_lengths
+from gesture_bot.corpus.recordings import Recording, build_database
+from gesture_bot.matching.controls import Constraint, Controls, LabelConstraint
+from gesture_bot.matching.selector import Selector
+from gesture_bot.matching.settling import rest_pose
 from gesture_bot.speech.features import SILENCE_FEATURES
 
-DATABASE = small_database()
-GESTURES, EMOTIONS = load_banks(), load_emotions()
-WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
-
-START = 1_700_000_000 * FRAME_RATE
-"""The frame at which every test begins."""
-
-SPEECH = sound(np.random.default_rng(9), 300)[:200]
-"""Features of 13 s of speech."""
-
-
-def selector(**options):
-    return Selector(DATABASE, GESTURES, EMOTIONS, **options)
-
-
-class Show:
-    """Runs a selector against a clock of 30 Hz, and keeps what would be seen."""
-
-    def __init__(self, chooser):
-        self.chooser = chooser
-        self.now = frame_time(START)
-        self.windows, self.seen = [], {}
-
-    def run(self, seconds, speech=(), speech_start=None, lead=2.0):
-        """Let time pass; speech frames come in `lead` seconds before they are heard."""
-        end = self.now + seconds
-        coming = dict(enumerate(speech, speech_start or 0))
-        while self.now < end:
-            for frame in [frame for frame in coming if frame_time(frame) - lead <= self.now]:
-                self.chooser.add_features(frame, coming.pop(frame))
-            self.tick()
-            self.now += 1 / 30
-        return self
-
-    def tick(self):
-        windows = self.chooser.plan(self.now)
-        for window in windows:
-            assert window.start >= self.now * FRAME_RATE
-            if self.seen:
-                assert window.start <= max(self.seen) + 1
-                assert window.start - 1 in self.seen
-            self.seen = {frame: shown for frame, shown in self.seen.items() if frame < window.start}
-            self.seen.update(enumerate(((pose, window) for pose in window.keypoints), window.start))
-        self.windows += windows
-        return windows
-
-    @property
-    def keypoints(self):
-        """(n, 17, 3) what was seen."""
-        return np.array([self.seen[frame][0] for frame in sorted(self.seen)])
-
-    @property
-    def sources(self):
-        return [self.seen[frame][1].source for frame in sorted(self.seen)]
-
-    def wrists(self, source):
-        """(n, 2, 3) positions and (n, 2) speeds of the wrists at the frames from one source."""
-        frames = [source == name for name in self.sources]
-        wrists = self.keypoints[:, WRISTS]
-        speeds = np.linalg.norm(np.gradient(wrists, 1 / FRAME_RATE, axis=0), axis=-1)
-        return wrists[frames], speeds[frames]
+UNLABELLED = dataclasses.replace(
+    DATABASE, labels=np.full_like(DATABASE.labels, -1), names=dict.fromkeys(DATABASE.names, ())
+)
 
 
 def talk(emotion="neutral", controls=(), seconds=13.0, **options):
@@ -133,96 +75,8 @@ def test_speech_that_comes_late_interrupts_rest(lead):
     assert begin == pytest.approx(heard + (0.4 - lead) * FRAME_RATE, abs=1)
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.013, 0.031, 0.05])
-def test_the_stroke_is_planned_a_little_before_its_word(offset):
-    show = Show(selector()).run(1.0)
-    word = show.now + 1.6 + offset
-    show.chooser.add_keyword("big", word)
-    show.run(2.0)
-    (bank,) = [window for window in show.windows if window.source == "bank"]
-    assert bank.name == "big"
-    assert bank.stroke == word
-    width = bank.keypoints[:, WRISTS[0], 1] - bank.keypoints[:, WRISTS[1], 1]
-    times = np.arange(bank.start, bank.stop) / FRAME_RATE
-    # The hands come to rest, wide apart, at the end of the stroke; they are half-way in its middle.
-    end = word - STROKE_LEAD
-    begin = end + GESTURES["big"].keyframes[0].time
-    opening = (times > begin) & (times < end)
-    middle = np.interp((width[opening].min() + width.max()) / 2, width[opening], times[opening])
-    assert middle == pytest.approx((begin + end) / 2, abs=1 / 30)
-
-
-def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
-    show = Show(selector()).run(1.0)
-    word = show.now + 0.3
-    show.chooser.add_keyword("stop", word)
-    (bank,) = show.tick()[:1]
-    assert bank.name == "stop"
-    assert bank.start == first_frame_after(show.now + 0.4)
-    assert 0.3 < bank.stroke - word < 0.5
-
-
-def test_a_keyword_that_can_only_be_much_too_late_is_dropped():
-    show = Show(selector()).run(1.0)
-    show.chooser.add_keyword("stop", show.now - 0.5)
-    show.run(1.0)
-    assert set(show.sources) == {"rest"}
-
-
-def test_a_gesture_is_finished_and_the_next_one_waits_or_is_dropped():
-    show = Show(selector()).run(1.0)
-    word = show.now + 1.5
-    for name, later in (("stop", 0.0), ("yes", 0.6), ("me", 0.9), ("big", 3.0)):
-        show.chooser.add_keyword(name, word + later)
-    show.run(6.0)
-    strokes = {window.name: window.stroke - word for window in show.windows if window.source == "bank"}
-    assert list(strokes) == ["stop", "yes", "big"]
-    assert strokes["stop"] == 0
-    assert 0.6 < strokes["yes"] < 1.3
-    assert strokes["big"] == 3.0
-
-
-def test_a_gesture_is_not_repeated_within_its_cooldown():
-    show = Show(selector()).run(1.0)
-    for later in (1.5, 3.0, 8.0):
-        show.chooser.add_keyword("hello", frame_time(START) + 1 + later)
-    show.run(9.0)
-    strokes = [window.stroke - frame_time(START) for window in show.windows if window.source == "bank"]
-    assert strokes == pytest.approx([2.5, 9.0])
-
-
-def test_a_gesture_that_was_dropped_has_no_cooldown():
-    show = Show(selector()).run(1.0)
-    show.chooser.add_keyword("hello", show.now - 0.5)
-    show.chooser.add_keyword("hello", show.now + 1.5)
-    show.run(4.0)
-    assert "bank" in show.sources
-
-
-def gesture_in_speech(frames, spoken):
-    """Frames from the word to the end of a gesture, whose word is at frame 60 of speech that ends later."""
-    show = Show(selector())
-    word = START + 90
-    show.chooser.add_keyword("me", frame_time(word))
-    show.run(12.0, [*SPEECH[:spoken], *[SILENCE_FEATURES] * (frames - spoken)], START + 30)
-    bank = [frame for frame, (_, window) in show.seen.items() if window.source == "bank"]
-    before, after = (show.seen[frame][1].source for frame in (bank[0] - 1, bank[-1] + 1))
-    return bank[-1] + 1 - word, before, after
-
-
-def test_speech_that_goes_on_cuts_the_retraction_short():
-    held = GESTURES["me"].keyframes[-1].time - STROKE_LEAD
-    length, before, after = gesture_in_speech(130, spoken=130)
-    assert (before, after) == ("speech", "speech")
-    assert length == math.ceil(held * FRAME_RATE)
-    # Where the sentence ends with the gesture, the hands go back to rest.
-    length, _, after = gesture_in_speech(130, spoken=63)
-    assert after == "rest"
-    assert length > (held + GESTURES["me"].retraction) * FRAME_RATE
-
-
 def test_a_control_raises_the_wrist():
-    constraint = Constraint("wrist_height", "left", "at_least", 85)
+    constraint = Constraint("wrist_height", "at_least", 85, "left")
     free, controlled = (
         talk(controls=controls).wrists("speech")[0][:, 0, 2] for controls in ((), (constraint,))
     )
@@ -230,26 +84,143 @@ def test_a_control_raises_the_wrist():
     assert controlled.mean() > 0.95 * Controls(DATABASE).threshold(constraint)
 
 
-def test_an_emotion_changes_the_motion_within_two_windows():
-    show = Show(selector())
-    show.chooser.set_emotion("sad")
-    show.run(6.0, SPEECH[:90], START + 30)
-    _, sad = show.wrists("speech")
-    show.chooser.set_emotion("angry")
-    switched = show.now
-    show.run(5.0, SPEECH[90:], START + 120)
-    for window in show.windows:
-        if window.source == "speech" and not switched <= frame_time(window.start) <= switched + 1.4:
-            label = DATABASE.emotions[DATABASE.emotion[window.sequence]]
-            assert label == ("sad" if frame_time(window.start) < switched else "angry")
-    angry = Show(selector())
-    angry.chooser.set_emotion("angry")
-    assert angry.run(6.0, SPEECH[:90], START + 30).wrists("speech")[1].mean() > 1.5 * sad.mean()
+def test_an_emotion_shows_in_the_motion():
+    angry, sad = (talk(emotion, seconds=8.0).wrists("speech")[1].mean() for emotion in ("angry", "sad"))
+    assert angry > 1.5 * sad
+
+
+def of_mood(mood):
+    return DATABASE.labelled("emotion", mood)[:, None].repeat(64, axis=1)
+
+
+def test_emotion_and_control_act_in_the_next_window_planned():
+    show = Show(selector()).run(4.0, SPEECH, START + 30, lead=60)
+    high = Constraint("wrist_height", "at_least", 80, "left")
+    for change, mask in (
+        (lambda: show.chooser.set_emotion("sad"), of_mood("sad")),
+        (lambda: show.chooser.set_emotion("angry"), of_mood("angry")),
+        (lambda: show.chooser.set_controls([high]), Controls(DATABASE).mask(high)),
+    ):
+        change()
+        changed, planned = show.now, len(show.windows)
+        show.run(3.0)
+        windows = show.windows[planned:]
+        assert windows[0].start <= first_frame_after(changed + 0.8) + 8
+        for window in windows:
+            assert window.source == "speech"
+            assert mask[window.sequence, window.frame] and mask[window.sequence, window.frame + 7]
+
+
+def test_a_control_with_a_duration_ends_by_itself():
+    show = Show(selector()).run(4.0, SPEECH, START + 30, lead=60)
+    asked = show.now - 1.0
+    short = Constraint("wrist_height", "at_least", 90, "left", duration=3.0)
+    long = LabelConstraint("emotion", ("angry",), duration=6.0)
+    ever = Constraint("wrist_speed", "at_most", 90)
+    show.chooser.set_controls([short, long, ever], asked)
+    for until, left in ((2.9, (short, long, ever)), (5.9, (long, ever)), (7.0, (ever,))):
+        show.run(asked + until - show.now)
+        assert show.chooser.constraints == left
+        alone = selector()
+        alone.set_controls(left, asked)
+        assert show.chooser.eligible == alone.eligible
+
+
+@pytest.mark.parametrize("sequences", [1, 2, 6])
+def test_a_small_database_goes_on_moving_under_any_control(sequences):
+    keypoints, features = DATABASE.keypoints[:64], DATABASE.features[:64]
+    database = build_database([Recording("", keypoints, features)] * sequences, {})
+    chooser = Selector(database, GESTURES, EMOTIONS)
+    chooser.set_controls([Constraint("wrist_height", "at_least", 9.0, unit="value")])
+    show = Show(chooser).run(13.0, SPEECH, START + 30)
+    windows = [window for window in show.windows if START + 45 < window.start < START + 200]
+    assert {window.source for window in windows} == {"speech"}
+    assert show.wrists("speech")[1].mean() > 0.05
+
+
+def shaped(tempo, amplitude, controls=(), database=UNLABELLED, seconds=13.0):
+    """A show of speech with an emotion that does nothing but this."""
+    emotion = dataclasses.replace(EMOTIONS["sad"], constraints=(), tempo=tempo, amplitude=amplitude)
+    chooser = Selector(database, GESTURES, {**EMOTIONS, "sad": emotion})
+    chooser.set_emotion("sad")
+    chooser.set_controls(controls)
+    return Show(chooser).run(seconds, SPEECH, START + 30, lead=60)
+
+
+def spoken(show):
+    return [window for window in show.windows if window.source == "speech"]
+
+
+def speed(show):
+    """Mean speed of the wrists within windows of speech [m/s]."""
+    steps = [np.diff(window.keypoints[:, WRISTS], axis=0) for window in spoken(show)]
+    return np.linalg.norm(np.concatenate(steps), axis=-1).mean() * FRAME_RATE
+
+
+@pytest.mark.parametrize("tempo", [0.5, 1.3, 2.0])
+def test_tempo_shows_more_or_fewer_frames_of_the_recording(tempo):
+    show = shaped(tempo, 1.0)
+    for window in spoken(show):
+        first = DATABASE.starts[window.sequence] + window.frame
+        rows = first + tempo * np.arange(len(window.keypoints))
+        around = DATABASE.keypoints[[np.floor(rows).astype(int), np.ceil(rows).astype(int)]].astype(float)
+        assert (
+            np.abs(window.keypoints - around.mean(axis=0)).max() < 0.01 + np.abs(around[0] - around[1]).max()
+        )
+        assert np.allclose(bone_lengths(window.keypoints), bone_lengths(around[0]), atol=1e-6)
+    assert speed(show) == pytest.approx(tempo * speed(shaped(1.0, 1.0)), rel=0.25)
+
+
+@pytest.mark.parametrize("amplitude", [0.4, 1.3])
+def test_amplitude_takes_the_hands_further_from_rest_or_nearer(amplitude):
+    rest = rest_pose(UNLABELLED)[WRISTS]
+    show = shaped(1.0, amplitude)
+    ratios = []
+    for window in spoken(show)[1:]:
+        row = DATABASE.starts[window.sequence] + window.frame
+        recorded = DATABASE.keypoints[row : row + len(window.keypoints)]
+        assert np.allclose(bone_lengths(window.keypoints), bone_lengths(recorded), atol=1e-6)
+        assert np.array_equal(window.keypoints[:, :8], recorded[:, :8])
+        ratios.append(
+            np.linalg.norm(window.keypoints[:, WRISTS] - rest, axis=-1).mean()
+            / np.linalg.norm(recorded[:, WRISTS] - rest, axis=-1).mean()
+        )
+    assert np.mean(ratios) == pytest.approx(amplitude, rel=0.15)
+
+
+def test_a_change_of_amplitude_makes_no_jump():
+    show = shaped(1.0, 0.4, seconds=7.0)
+    planned = len(show.windows)
+    show.chooser.set_emotion("neutral")
+    show.run(2.0)
+    before, after = show.windows[planned - 1 : planned + 1]
+    recorded_before, recorded_after = (
+        DATABASE.keypoints[DATABASE.starts[window.sequence] + window.frame + frame]
+        for window, frame in ((before, 7), (after, 0))
+    )
+    jump, recorded = after.keypoints[0] - before.keypoints[-1], recorded_after - recorded_before
+    assert np.abs(after.keypoints - UNLABELLED.keypoints[0]).max() > 0.1
+    assert np.linalg.norm(jump, axis=-1).max() < np.linalg.norm(recorded, axis=-1).max() + 0.03
+
+
+def test_motion_is_shown_as_recorded_where_it_has_the_emotion_or_a_control_bounds_it():
+    height, speed = (
+        Constraint("wrist_height", "at_least", 60, "left"),
+        Constraint("wrist_speed", "at_most", 60),
+    )
+    for controls, database, shape in (
+        ((), UNLABELLED, (1.5, 0.5)),
+        ((), DATABASE, (1.0, 1.0)),
+        ((height,), UNLABELLED, (1.5, 1.0)),
+        ((speed,), UNLABELLED, (1.0, 1.0)),
+    ):
+        windows = spoken(shaped(1.5, 0.5, controls, database))
+        assert {(window.tempo, window.amplitude) for window in windows} == {shape}
 
 
 def test_what_cannot_be_is_relaxed_and_said():
     chooser = selector()
-    chooser.set_controls([Constraint("wrist_height", "both", "at_least", 3.0, "value")])
+    chooser.set_controls([Constraint("wrist_height", "at_least", 3.0, "both", "value")])
     assert any("relaxed to percentile" in said for said in chooser.relaxed)
     assert 0 < chooser.eligible < 0.1
     show = Show(chooser).run(8.0, SPEECH, START + 30)
@@ -285,10 +256,10 @@ def test_bad_input_is_named_and_changes_nothing():
     with pytest.raises(InvalidValueError, match="'cheerful'; valid: .*sad"):
         chooser.set_emotion("cheerful")
     assert chooser.emotion == "neutral"
-    with pytest.raises(InvalidValueError, match="'juggle'; valid: .*hello"):
-        chooser.add_keyword("juggle", frame_time(START))
-    with pytest.raises(InvalidValueError, match="nan"):
-        chooser.add_keyword("hello", float("nan"))
+    chooser.set_controls([Constraint("wrist_height", "at_least", 80)])
+    with pytest.raises(InvalidValueError, match="'glad'; valid: neutral, sad, angry"):
+        chooser.set_controls([LabelConstraint("emotion", ("glad",))])
+    assert chooser.constraints == (Constraint("wrist_height", "at_least", 80),)
     with pytest.raises(InvalidValueError, match="28 finite numbers"):
         chooser.add_features(START, np.full(28, np.nan))
     with pytest.raises(InvalidValueError, match="28 finite numbers"):

@@ -1,0 +1,174 @@
+"""`gesture-bot build-database`: what comes out, what is said, and what an interruption leaves behind."""
+
+import itertools
+import shutil
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import command
+from test_corpus_import import DATA, SPEECH, TRINITY, motion
+
+from gesture_bot.cli.main import main
+from gesture_bot.corpus.building import find_jobs
+from gesture_bot.corpus.database import Database
+from gesture_bot.corpus.importing import import_file
+from gesture_bot.corpus.skeletons import load_skeletons
+from gesture_bot.evaluate.motion_files import write_bvh
+from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
+from gesture_bot.speech.features import speech_features
+
+
+def record(path, seconds=6.0, seed=0):
+    """A BVH file with sound beside it."""
+    write_bvh(path, motion(15, seconds), 15)
+    noise = 0.1 * np.random.default_rng(seed).normal(size=round(seconds * SAMPLE_RATE))
+    soundfile.write(path.with_suffix(".wav"), noise, SAMPLE_RATE)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three recordings, one of them without sound, in folders as data sets have them."""
+    folder = tmp_path_factory.mktemp("data") / "set"
+    for place, name in enumerate(("bvh/one", "bvh/two", "bvh/three")):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        record(folder / f"{name}.bvh", seed=place)
+    (folder / "wav").mkdir()
+    (folder / "bvh/one.wav").rename(folder / "wav/one.wav")
+    (folder / "bvh/three.wav").unlink()
+    (folder / "bvh/two.txt").write_text("a transcript")
+    return folder
+
+
+def build(*arguments):
+    return main(["build-database", *map(str, arguments)])
+
+
+def test_a_folder_becomes_a_database(folder, tmp_path, capsys):
+    table = tmp_path / "labels.csv"
+    table.write_text("file,emotion,speaker\none.bvh,happy,ann\nbvh/two,,bob\n")
+    output = tmp_path / "own set.safetensors"
+    arguments = (folder, "-o", output, "--labels", table, "--licence", "CC BY 4.0", "--workers")
+    assert build(*arguments, 2) == 0
+    said = capsys.readouterr()
+    assert "three.bvh has no sound: looked for three.wav" in said.err
+    assert "from 2 of 3 files" in said.out
+    assert "speaker: ann, bob" in said.out
+    assert "180 frames read, 0 mended, 180 kept; cut: none" in said.out
+    assert f"gesture-bot run database:='{output}'" in said.out
+    assert not output.with_name("own set.safetensors.parts").exists()
+
+    database = Database.load(output)
+    assert [database.label(sequence, "speaker") for sequence in range(4)] == ["ann", "ann", "bob", "bob"]
+    assert [database.label(sequence, "emotion") for sequence in range(4)] == ["happy", "happy", "", ""]
+    heard = speech_features(load_audio(folder / "wav/one.wav"))
+    np.testing.assert_array_equal(database.features[: len(heard)], heard)
+    assert database.metadata["licence"] == "CC BY 4.0"
+    one, two = database.metadata["sources"]
+    assert (one["name"], one["skeleton"], one["frames"]["kept"]) == ("set/bvh/one.bvh", "gesture_bot", 90)
+    assert set(two["digests"]) == {"two.bvh", "two.wav"}
+    assert str(folder) not in str(database.metadata)
+
+    before = output.read_bytes()
+    assert build(*arguments, 1) == 0
+    assert output.read_bytes() == before
+
+
+def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capsys):
+    (tmp_path / "data").mkdir()
+    record(tmp_path / "data/0.bvh", 30.0)
+    for number, ending in itertools.product(range(1, 6), (".bvh", ".wav")):
+        shutil.copy(tmp_path / f"data/0{ending}", tmp_path / f"data/{number}{ending}")
+    output, parts = tmp_path / "own.safetensors", tmp_path / "own.safetensors.parts"
+    output.write_text("the old database")
+    arguments = (tmp_path / "data", "-o", output, "--workers", 2)
+    process = subprocess.Popen(
+        command("build-database", *map(str, arguments)), stderr=subprocess.PIPE, text=True
+    )
+    while not list(parts.glob("*.npz")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    asked = time.monotonic()
+    _, said = process.communicate(timeout=20)
+    assert time.monotonic() - asked < 5
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert output.read_text() == "the old database"
+    kept = {part: part.stat().st_mtime_ns for part in parts.glob("*.npz")}
+    assert 0 < len(kept) < 6
+
+    skeletons = list(load_skeletons().values())
+    jobs = find_jobs([tmp_path / "data"], skeletons, parts)
+    assert [import_file(job) for job in jobs] == [""] * 6
+    assert all(part.stat().st_mtime_ns == moment for part, moment in kept.items())
+    record(tmp_path / "data/5.bvh", 10.0)
+    assert build(*arguments[:-1], 1) == 0
+    assert "2400 frames read" in capsys.readouterr().out
+    assert not parts.exists()
+    whole = output.read_bytes()
+    assert build(*arguments[:-1], 1) == 0
+    assert output.read_bytes() == whole
+
+
+def test_bad_files_are_named_and_left_out(folder, tmp_path, capsys):
+    for name in ("good", "deaf", "torn"):
+        record(tmp_path / f"{name}.bvh")
+    soundfile.write(tmp_path / "deaf.wav", np.full(SAMPLE_RATE, np.nan), SAMPLE_RATE, subtype="FLOAT")
+    (tmp_path / "torn.bvh").write_text("HIERARCHY")
+    assert build(tmp_path, "-o", tmp_path / "own.safetensors", "--workers", 1) == 0
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("left out")]
+    assert len(errors) == 2
+    assert "deaf.wav holds samples that are not finite" in errors[0]
+    assert "torn.bvh" in errors[1]
+    assert len(Database.load(tmp_path / "own.safetensors").starts) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["nowhere"], "no file or folder: 'nowhere'"),
+        (["{folder}/bvh/two.txt"], "two.txt'; valid: BVH"),
+        (["{folder}/wav"], "wav'; valid: BVH"),
+        (["{folder}", "--map", "bvh"], "unknown skeleton map: 'bvh'; valid: beat"),
+        (["{folder}", "--map", "mine.yaml"], "cannot read mine.yaml"),
+        (["{folder}", "--workers", "0"], "number of workers: 0"),
+        (["{folder}", "--labels", "{table}"], "among the sources: 'four.bvh'"),
+        (["{folder}", "--labels", "{folder}"], "cannot read"),
+        (["{folder}", "--labels", "{columns}"], "'mood'; valid: file, emotion, style, speaker"),
+        (["{folder}/bvh/three.bvh"], "no recording to build"),
+        (["{folder}", "--map", "trinity"], "no recording to build"),
+        (["{folder}", "-o", "{folder}"], "it is a folder"),
+        (["{folder}", "-o", "/proc/own.safetensors"], "cannot write /proc/own.safetensors"),
+    ],
+)
+def test_wrong_input_is_named_in_one_line(folder, tmp_path, capsys, arguments, named):
+    (tmp_path / "table.csv").write_text("file,emotion\nfour.bvh,happy\n")
+    (tmp_path / "columns.csv").write_text("file,mood\none.bvh,happy\n")
+    places = {"folder": folder, "table": tmp_path / "table.csv", "columns": tmp_path / "columns.csv"}
+    output = ["-o", str(tmp_path / "own.safetensors")]
+    assert build(*output, "--workers", 1, *(argument.format(**places) for argument in arguments)) == 1
+    (error,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("gesture-bot: ")]
+    assert named in error
+    assert not list(tmp_path.glob("own.safetensors*"))
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="../shared/data is not there")
+def test_real_recordings_become_a_database(tmp_path, capsys):
+    """Two speakers on video, and motion capture that is given the sound of one of them."""
+    (tmp_path / TRINITY.name).symlink_to(TRINITY)
+    samples = np.concatenate([load_audio(sound) for sound in sorted(SPEECH.glob("*.wav"))] * 4)
+    soundfile.write((tmp_path / TRINITY.name).with_suffix(".wav"), samples, SAMPLE_RATE)
+    output = tmp_path / "own.safetensors"
+    assert build(SPEECH, tmp_path, "-o", output, "--workers", 1) == 0
+    assert "oliver_gt_interval_102571.txt has no sound" in capsys.readouterr().err
+    database = Database.load(output)
+    assert {source["skeleton"] for source in database.metadata["sources"]} == {
+        "gestures_from_speech",
+        "trinity",
+    }
+    assert len(database.starts) == 4 + 5 + 27
+    assert np.isfinite(database.keypoints).all()
