@@ -5,9 +5,10 @@ import shlex
 import shutil
 import sys
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict
-from importlib.metadata import version
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,11 @@ from tqdm import tqdm
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.corpus.building import find_jobs, import_files
-from gesture_bot.corpus.importing import Job, Source, described, load_part
+from gesture_bot.corpus.importing import Job, Source, described, load_recordings, load_source
 from gesture_bot.corpus.label_table import labels_by_file, read_label_table
 from gesture_bot.corpus.recordings import Recording, build_database
 from gesture_bot.corpus.skeletons import load_skeleton, load_skeletons
+from gesture_bot.evaluate.database_report import frames_of
 
 TOLD = 10
 """Files left out that are told one by one."""
@@ -49,23 +51,24 @@ def command(options: argparse.Namespace) -> int:
     good = [job for job, problem in zip(jobs, problems, strict=True) if not problem]
     _tell_left_out([problem for problem in problems if problem])
     if not good:
-        shutil.rmtree(parts)
+        with suppress(OSError):  # files of an earlier run stay
+            parts.rmdir()
         raise FileFormatError(f"no recording to build {options.output} from")
 
-    recordings, sources = _load(good, labels)
+    sources = [load_source(job.part) for job in good]
     settings = {"map": options.map or "found by itself", "future": options.future}
     metadata = {
         "provenance": "recordings",
         "licence": options.licence,
         "sources": [_provenance(source) for source in sources],
         "settings": settings,
-        "versions": {library: version(library) for library in LIBRARIES},
+        "versions": {library: _version(library) for library in LIBRARIES},
     }
-    database = build_database(recordings, metadata, options.future)
+    database = build_database(_recordings(good, labels), metadata, options.future)
     database.save(options.output)
-    shutil.rmtree(parts)
+    shutil.rmtree(parts, ignore_errors=True)
 
-    minutes = sum(len(recording.keypoints) for recording in recordings) / FRAME_RATE / 60
+    minutes = len(frames_of(database)) / FRAME_RATE / 60
     length = f"{minutes:.1f} minutes" if minutes < 60 else f"{minutes / 60:.1f} hours"
     sequences = len(database.starts)
     print(f"wrote {options.output}: {length}, {sequences} sequences, from {len(good)} of {len(jobs)} files")
@@ -80,8 +83,8 @@ def command(options: argparse.Namespace) -> int:
 
 def _make_room(output: Path, parts: Path) -> None:
     """Make the folder beside the database where imported files wait for it."""
-    if output.is_dir():
-        raise FileFormatError(f"cannot write {output} (it is a folder)")
+    if output.exists() and not output.is_file():
+        raise FileFormatError(f"cannot write {output} (it is {'a folder' if output.is_dir() else 'no file'})")
     try:
         parts.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -95,16 +98,18 @@ def _tell_left_out(problems: Sequence[str]) -> None:
         print(f"left out: {len(problems) - TOLD} more files", file=sys.stderr)
 
 
-def _load(jobs: Sequence[Job], labels: dict[Path, dict[str, str]]) -> tuple[list[Recording], list[Source]]:
-    """All that was imported; labels of the table before those of the files."""
-    recordings, sources = [], []
+def _recordings(jobs: Sequence[Job], labels: Mapping[Path, Mapping[str, str]]) -> Iterator[Recording]:
+    """All that was imported, file by file; labels of the table before those of the files."""
     for job in jobs:
-        made, source = load_part(job.part)
-        sources.append(source)
-        for recording in made:
-            both = {**recording.labels, **labels[job.path]}
-            recordings.append(Recording(recording.name, recording.keypoints, recording.features, both))
-    return recordings, sources
+        for recording in load_recordings(job.part):
+            yield replace(recording, labels={**recording.labels, **labels[job.path]})
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:  # a ROS workspace does not list its packages for Python
+        return "not stated"
 
 
 def _provenance(source: Source) -> dict[str, Any]:

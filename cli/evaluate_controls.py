@@ -87,7 +87,7 @@ def _table(title: str, rows: Sequence[Row], outcomes: Sequence[Outcome], mm22: i
         table.add_column(column, no_wrap=True, justify="left" if column in ("", "holds") else "right")
     for row, outcome in zip(rows, outcomes, strict=True):
         missed = row.missed(outcome)
-        possible = row.left.deviation / outcome.free.deviation
+        possible = row.left.share_of(outcome.free)
         paper = _MM22.get(row.name)
         table.add_row(
             row.name,

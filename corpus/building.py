@@ -2,6 +2,7 @@
 
 import hashlib
 import multiprocessing
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -15,7 +16,7 @@ from gesture_bot.corpus.skeletons import SOUNDS, SkeletonMap
 
 
 def find_jobs(sources: Sequence[Path], skeletons: Sequence[SkeletonMap], parts: Path) -> list[Job]:
-    """The files to import, in an order that does not depend on the file system.
+    """The files to import, in an order that does not depend on the file system; each once.
 
     Args:
         sources: Files, and folders that are searched through with all that is in them.
@@ -25,8 +26,8 @@ def find_jobs(sources: Sequence[Path], skeletons: Sequence[SkeletonMap], parts: 
     Raises:
         InvalidValueError: A source does not exist, is no recording, or holds none.
     """
-    names: dict[Path, str] = {}
-    sounds: dict[str, set[Path]] = {}
+    files: dict[str, tuple[Path, str]] = {}
+    around: set[Path] = set()
     for source in sources:
         if not source.exists():
             raise InvalidValueError("there is no file or folder", str(source))
@@ -34,16 +35,22 @@ def find_jobs(sources: Sequence[Path], skeletons: Sequence[SkeletonMap], parts: 
         recordings = [path for path in found if path.is_file() and _is_recording(path)]
         if not recordings:
             raise InvalidValueError("no recordings in", str(source), [reader.KIND for reader in READERS])
-        names |= {path: str(path.relative_to(source.parent)) for path in recordings}
-        for path in found if source.is_dir() else source.parent.iterdir():
-            if path.suffix.lower() in SOUNDS:
-                sounds.setdefault(path.stem, set()).add(path)
-    made_by = _code() + repr(skeletons)
+        for path in recordings:
+            files.setdefault(os.path.abspath(path), (path, str(path.relative_to(source.parent))))
+        around.update(found)
+    for folder in {source.parent for source in sources if source.is_file()}:
+        around.update(folder.iterdir())
+    sounds: dict[str, set[Path]] = {}
+    for path in around:
+        if path.suffix.lower() in SOUNDS:
+            sounds.setdefault(path.stem, set()).add(path)
+    made_by = f"{_code()} {skeletons}"
     jobs = []
-    for path, name in names.items():
+    for place, (path, name) in files.items():
         stems = {skeleton.sound_stem(path.stem) for skeleton in skeletons}
         heard = tuple(sorted(sound for stem in stems for sound in sounds.get(stem, ())))
-        key = hashlib.blake2b(f"{path.absolute()} {name} {made_by}".encode(), digest_size=16).hexdigest()
+        made_from = os.fsencode(f"{place} {name} {heard} {made_by}")
+        key = hashlib.blake2b(made_from, digest_size=16).hexdigest()
         jobs.append(Job(path, name, heard, tuple(skeletons), parts / f"{key}.npz"))
     return jobs
 
@@ -60,12 +67,15 @@ def import_files(jobs: Sequence[Job], workers: int) -> Iterator[str]:
     if workers == 1:
         yield from map(import_file, jobs)
         return
+    # The processes are forked from one that has imported this module and nothing else.
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
     # Ctrl-C reaches all processes of a terminal. This one alone decides: the others inherit the block.
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
-    imported = [pool.submit(import_file, job) for job in jobs]
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    pool = ProcessPoolExecutor(workers, context)
     try:
+        imported = [pool.submit(import_file, job) for job in jobs]
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         for future in imported:
             yield future.result()
     except BrokenProcessPool as error:

@@ -147,7 +147,7 @@ class Database:
         try:
             with write_whole(path) as temporary:
                 save_file(arrays, temporary, entry)
-        except (OSError, SafetensorError) as error:
+        except SafetensorError as error:
             raise FileFormatError(f"cannot write {path} ({error})") from error
 
     @classmethod

@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_bot.base.errors import FileFormatError, GestureBotError
 from gesture_bot.base.files import write_whole
-from gesture_bot.corpus.readers import READERS
+from gesture_bot.corpus.readers import reader_of
 from gesture_bot.corpus.recordings import Recording
 from gesture_bot.corpus.skeletons import SkeletonMap, choose_skeleton
 from gesture_bot.corpus.takes import CUT, recordings_of
@@ -63,47 +63,58 @@ def import_file(job: Job) -> str:
     Raises:
         FileFormatError: The part cannot be written.
     """
-    if _is_fresh(job.part):
-        return ""
     try:
+        if _is_fresh(job.part):
+            return ""
         recordings, source = _import(job)
     except GestureBotError as error:
         return str(error) if str(job.path) in str(error) else f"{job.path}: {error}"
-    try:
-        _save(job.part, recordings, source)
-    except OSError as error:
-        raise FileFormatError(f"cannot write {job.part} ({error.strerror})") from error
+    except Exception as error:  # no file, however odd, stops the hours of work on the others
+        return f"{job.path} cannot be imported ({type(error).__name__}: {' '.join(str(error).split())})"
+    _save(job.part, recordings, source)
     return ""
 
 
-def load_part(part: Path) -> tuple[list[Recording], Source]:
+def load_recordings(part: Path) -> list[Recording]:
     """What came out of a file."""
     with np.load(part) as kept:
         about = json.loads(str(kept["about"]))
         keypoints = np.split(kept["keypoints"], about["keypoint_cuts"])
         features = np.split(kept["features"], about["feature_cuts"])
     named = zip(about["names"], keypoints, features, about["labels"], strict=True)
-    return [Recording(*one) for one in named], Source(**about["source"])
+    return [Recording(*one) for one in named]
+
+
+def load_source(part: Path) -> Source:
+    """Where it comes from."""
+    with np.load(part) as kept:
+        return Source(**json.loads(str(kept["about"]))["source"])
 
 
 def _import(job: Job) -> tuple[list[Recording], Source]:
-    reader = next(reader for reader in READERS if reader.fits(job.path))
+    """Of several takes, those that cannot be used are counted; if none can, it is the first that is told."""
     recordings: list[Recording] = []
     frames: Counter[str] = Counter()
     digests = {str(job.path): _digest(job.path)}
-    for take in reader.read(job.path):
-        skeleton = choose_skeleton(take, job.path.stem, job.skeletons)
-        features = take.features
-        if features is None:
-            sound = skeleton.sound_file(job.path, job.sounds)
-            digests[str(sound)] = _digest(sound)
-            features = speech_features(load_audio(sound))
-        labels = {**skeleton.labels(job.path.stem), **take.labels}
-        made, counts = recordings_of(take, skeleton, features, labels)
-        recordings += made
-        frames += counts
+    problem = ""
+    for take in reader_of(job.path).read(job.path):
+        try:
+            skeleton = choose_skeleton(take, job.path.stem, job.skeletons)
+            features = take.features
+            if features is None:
+                sound = skeleton.sound_file(job.path, job.sounds)
+                digests[str(sound)] = _digest(sound)
+                features = speech_features(load_audio(sound))
+            labels = {**skeleton.labels(job.path.stem), **take.labels}
+            made, counts = recordings_of(take, skeleton, features, labels)
+        except FileFormatError as error:
+            problem = problem or str(error)
+            frames += Counter(read=len(take.positions), unusable=len(take.positions))
+        else:
+            recordings += made
+            frames += counts
     if not recordings:
-        raise FileFormatError(f"nothing of it can be used ({described(frames)})")
+        raise FileFormatError(problem or f"nothing of it can be used ({described(frames)})")
     return recordings, Source(job.name, skeleton.name, digests, dict(frames))
 
 
@@ -120,10 +131,8 @@ def _is_fresh(part: Path) -> bool:
     """Whether a part exists, and the files that it was made from are what they were."""
     if not part.exists():
         return False
-    _, source = load_part(part)
-    return all(
-        Path(path).exists() and _digest(Path(path)) == digest for path, digest in source.digests.items()
-    )
+    digests = load_source(part).digests.items()
+    return all(Path(path).exists() and _digest(Path(path)) == digest for path, digest in digests)
 
 
 def _save(part: Path, recordings: list[Recording], source: Source) -> None:

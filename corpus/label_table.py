@@ -18,14 +18,18 @@ def read_label_table(path: Path) -> dict[str, dict[str, str]]:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as table:
-            rows = list(csv.DictReader(table, strict=True, skipinitialspace=True))
+            reader = csv.DictReader(table, strict=True, skipinitialspace=True, restval="")
+            columns, rows = reader.fieldnames or [], list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileFormatError(f"cannot read {path} ({getattr(error, 'strerror', error)})") from error
-    if not rows or "file" not in rows[0]:
+    if "file" not in columns:
         raise FileFormatError(f"{path} has no column called", "file", ["file", *LABELS])
-    for column in rows[0]:
+    for column in columns:
         if column not in ("file", *LABELS):
             raise FileFormatError(f"column of {path}", column, ["file", *LABELS])
+    for row in rows:
+        if None in row:
+            raise FileFormatError(f"{path}: more cells than columns in the row of", row["file"])
     return {row["file"]: {kind: row[kind] for kind in LABELS if row.get(kind)} for row in rows}
 
 
@@ -39,14 +43,16 @@ def labels_by_file(
     Raises:
         InvalidValueError: The table names a file that is not there.
     """
-    labels: dict[Path, dict[str, str]] = {file: {} for file in files}
+    labels: dict[Path, dict[str, str]] = {}
+    ends: dict[str, list[Path]] = {}
+    for file in files:
+        labels[file] = {}
+        for end in {file.name, file.stem}:
+            ends.setdefault(end, []).append(file)
     for name, given in table.items():
-        parts = Path(name).parts
-        named = [
-            file
-            for file in labels
-            if parts in (file.parts[-len(parts) :], file.with_suffix("").parts[-len(parts) :])
-        ]
+        *folders, end = Path(name).parts or [""]
+        before = len(folders) + 1
+        named = [file for file in ends.get(end, ()) if list(file.parts[-before:-1]) == folders]
         if not named:
             raise InvalidValueError("the label table names a file that is not among the sources", name)
         for file in named:

@@ -48,7 +48,10 @@ def read(path: Path) -> Iterator[Take]:
     """
     joints = tuple(map(str, load_array(path, "names")))
     columns = {str(name).lower(): place for place, name in enumerate(load_array(path, "audio_names"))}
-    rate = float(load_array(path, "fps"))
+    for landmark in (landmark for forearm in _FOREARMS for landmark in forearm):
+        if landmark not in joints:
+            raise FileFormatError(f"{path}: names lacks", landmark, joints)
+    rate = _rate(path)
     sessions: dict[str, list[str]] = {}
     for trial in _trials(array_names(path)):
         sessions.setdefault(trial.partition("_")[0], []).append(trial)
@@ -62,6 +65,13 @@ def read(path: Path) -> Iterator[Take]:
         features = features_like_ours([_sound(path, sound, columns, rate) for sound in heard])
         for trial, positions, vectors in zip(trials, _positions(seen, joints, rate), features, strict=True):
             yield Take(trial, joints, positions, rate, vectors)
+
+
+def _rate(path: Path) -> float:
+    fps = load_array(path, "fps")
+    if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0 < fps.item() < np.inf:
+        raise FileFormatError(f"{path}: fps is no rate", fps.tolist())
+    return float(fps.item())
 
 
 def _trials(arrays: set[str]) -> list[str]:
@@ -105,7 +115,7 @@ def _positions(seen: list[np.ndarray], joints: tuple[str, ...], rate: float) -> 
         x, y, z = (everything[:, joints.index(wrist)] - everything[:, joints.index(elbow)]).T
         across, deep = np.append(across, x**2 + y**2), np.append(deep, z**2)
     found = np.isfinite(across + deep)
-    slope = np.polyfit(deep[found], across[found], 1)[0]
+    slope = np.polyfit(deep[found], across[found], 1)[0] if found.any() else 0.0
     return [positions * (1, 1, np.sqrt(max(0.0, -slope))) for positions in placed]
 
 

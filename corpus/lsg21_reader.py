@@ -54,9 +54,14 @@ def read(path: Path) -> Iterator[Take]:
     body, heard = load_array(path, "body"), load_array(path, sound)
     if body.ndim != 3 or body.shape[2] != 3 * len(JOINTS):
         raise FileFormatError(f"{path}: shape of body", body.shape, [f"(n, 64, {3 * len(JOINTS)})"])
-    wanted = (*body.shape[:2], FEATURES) if sound == "mfcc" else (len(body), *heard.shape[1:2])
-    if heard.shape != wanted:
+    if sound == "mfcc":
+        fitting, wanted = heard.shape == (*body.shape[:2], FEATURES), f"{(*body.shape[:2], FEATURES)}"
+    else:
+        fitting, wanted = heard.ndim == 2 and len(heard) == len(body), f"({len(body)}, samples)"
+    if not fitting:
         raise FileFormatError(f"{path}: shape of {sound}", heard.shape, [wanted])
+    if len(body) == 0:
+        raise FileFormatError(f"{path} holds no clips")
     features = _from_mfcc(heard) if sound == "mfcc" else _from_samples(heard)
     for number, (clip, vectors) in enumerate(zip(body, features, strict=True)):
         yield Take(f"{path.stem} {number}", JOINTS, _positions(clip), RATE, vectors)
@@ -74,7 +79,7 @@ def _positions(clip: np.ndarray) -> np.ndarray:
 
 def _from_samples(clips: np.ndarray) -> Iterator[np.ndarray]:
     """Features of (n, samples) at audio.SAMPLE_RATE, integers or full scale 1."""
-    loudest = max(1.0, float(np.abs(clips).max()))
+    loudest = max(1.0, float(clips.max(initial=0)), -float(clips.min(initial=0)))
     return (speech_features(clip / loudest) for clip in clips)
 
 

@@ -13,6 +13,9 @@ from gesture_bot.speech.features import FEATURES, SILENCE_FEATURES
 
 Future = Literal["real", "zeros"]
 
+_BLOCK = 100_000
+_CONSTANT = 1e-6
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -77,8 +80,8 @@ def build_database(
     if not starts:
         raise InvalidValueError("no recording to build a database from")
     return _with_statistics(
-        np.concatenate(keypoints),
-        np.concatenate(features),
+        _joined(keypoints),
+        _joined(features),
         np.array(starts, np.int64),
         future,
         recording=np.array(number, np.int32),
@@ -101,6 +104,13 @@ def _with_future(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """The parts as one array. They are given up: twice all the data is a lot of memory."""
+    whole = np.concatenate(parts)
+    parts.clear()
+    return whole
+
+
 def _index(names: list[str], name: str) -> int:
     """The place of a name, which is added where it is new; -1 for an empty one."""
     if name and name not in names:
@@ -114,14 +124,23 @@ def _with_statistics(
     """The database, with mean and deviation over the frames of all sequences."""
     inside = np.zeros(len(keypoints), bool)
     inside[starts[:, None] + np.arange(SEQUENCE)] = True
-    statistics = {}
+    statistics: dict[str, np.ndarray] = {}
     for name, array in (("keypoint", keypoints), ("feature", features)):
-        mean, deviation = (of(array[inside], axis=0, dtype=np.float64) for of in (np.mean, np.std))
-        # A number that never changes keeps its unit.
-        statistics |= {f"{name}_mean": mean, f"{name}_deviation": np.where(deviation > 0, deviation, 1.0)}
+        mean, deviation = _mean_and_deviation(array, inside)
+        # A number that never changes, but for its rounding, keeps its unit.
+        deviation[deviation < _CONSTANT] = 1.0
+        statistics |= {f"{name}_mean": mean, f"{name}_deviation": deviation}
     if future == "zeros":
         features[~inside] = statistics["feature_mean"]
     return Database(keypoints=keypoints, features=features, starts=starts, **statistics, **fields)
+
+
+def _mean_and_deviation(array: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the frames (n, ...) that are inside (n,), a block at a time: as float64, all are a lot of memory."""
+    blocks = [slice(begin, begin + _BLOCK) for begin in range(0, len(array), _BLOCK)]
+    mean = sum(array[block][inside[block]].sum(axis=0, dtype=np.float64) for block in blocks) / inside.sum()
+    squares = (((array[block][inside[block]] - mean) ** 2).sum(axis=0) for block in blocks)
+    return mean, np.sqrt(sum(squares) / inside.sum())
 
 
 def _check(recording: Recording) -> None:

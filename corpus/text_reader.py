@@ -24,7 +24,7 @@ def fits(path: Path) -> bool:
     if path.suffix.lower() not in (".txt", ".csv"):
         return False
     try:
-        with path.open(encoding="utf-8") as lines:
+        with path.open(encoding="utf-8-sig") as lines:
             first = _cells(lines.readline())
     except (OSError, UnicodeDecodeError):
         return False
@@ -43,7 +43,7 @@ def read(path: Path) -> Iterator[Take]:
         FileFormatError: The file cannot be read, or a line does not hold as many numbers as the first.
     """
     try:
-        rows = [_cells(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        rows = [_cells(line) for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         raise FileFormatError(f"cannot read {path} ({getattr(error, 'strerror', error)})") from error
     columns = {} if _are_numbers(rows[0]) else _named_columns(rows.pop(0))

@@ -60,6 +60,10 @@ class Spread:
         """Of numbers of any shape."""
         return cls(float(values.mean()), float(values.std()))
 
+    def share_of(self, other: "Spread") -> float:
+        """The deviation as a share of another; not a number where the other has none."""
+        return self.deviation / other.deviation if other.deviation else float("nan")
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -78,7 +82,7 @@ class Outcome:
     @property
     def variation(self) -> float:
         """The deviation as a share of that without the control."""
-        return self.controlled.deviation / self.free.deviation
+        return self.controlled.share_of(self.free)
 
 
 @dataclass(frozen=True)
@@ -154,10 +158,15 @@ def control_table(database: Database, features: np.ndarray) -> list[Row]:
     Args:
         database: Where the motion comes from.
         features: (n, 28) features of the speech; see speech/features.py.
+
+    Raises:
+        InvalidValueError: There is no speech, or nothing moves to it.
     """
     selector = Selector(database, gestures={}, emotions=_PLAIN)
     controls, measured = Controls(database), measure(database)
     free = _motion(selector, features)
+    if free.reach(refined=False) == 0:
+        raise InvalidValueError("no hand moves in the database: there is nothing to measure")
     rows = []
     for name, constraint in tqdm(CONTROLS.items(), "trying the controls", unit="control"):
         sequences, frames = np.nonzero(eligible(controls.admit([constraint]).mask))

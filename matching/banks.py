@@ -133,15 +133,18 @@ class _Bank(Strict):
         return poses
 
 
-def load_banks(folder: Path | None = None) -> dict[str, Gesture]:
-    """Read every gesture of the *.yaml banks in a folder, config/banks by default.
+def load_banks(folder: str | Path = "shipped") -> dict[str, Gesture]:
+    """Read every gesture of the *.yaml banks in a folder, or of those that ship.
 
     Raises:
-        FileFormatError: See read_bank; or two gestures share a name or a trigger.
+        FileFormatError: See read_bank; or two gestures share a name or a trigger, or there is no bank.
     """
+    banks = sorted((config_dir() / "banks" if folder == "shipped" else Path(folder)).glob("*.yaml"))
+    if not banks:
+        raise FileFormatError("no semantic banks (*.yaml) in the folder", str(folder))
     gestures: dict[str, Gesture] = {}
     callers: dict[str, str] = {}
-    for path in sorted((folder or config_dir() / "banks").glob("*.yaml")):
+    for path in banks:
         for name, gesture in read_bank(path).items():
             if name in gestures:
                 place = yaml_place(path, ("gestures", name))

@@ -12,12 +12,10 @@ from tqdm import tqdm
 from gesture_bot.corpus.database import SEQUENCE
 from gesture_bot.matching import kernels
 from gesture_bot.matching.features import Stream, cosine_distance, unit_rows
+from gesture_bot.matching.kernels import AXES, FINE_AXES, FINE_CODE, FRAME_QUERY, POSE_QUERY
 
-AXES = 24
-"""Principal axes that the coarse code of a pose keeps."""
-
-FINE_AXES = 48
-"""Principal axes that its fine code keeps."""
+LEVELS = 4095
+"""Largest code of a number of a frame: of its products with a query, 112 add up in 32 bits."""
 
 SAMPLE = 1000
 """Sequences from which axes and steps are taken."""
@@ -39,9 +37,6 @@ class PoseCodes:
     those that the coarse code holds, it rounds what that lost. What lies on the other axes is the tail: of it
     only the length is kept, which bounds its product with another tail (Cauchy and Schwarz).
 
-    Both are tuples of bytes, (S, AXES, 64) and (S, 64, FINE_AXES); (S, 64) squared lengths with the tail;
-    (S, 64) lengths of the tail in steps, rounded up; and (S,) largest length of what a sequence's codes lose.
-
     Args:
         stream: Poses.
         starts: (S,) rows at which the sequences begin.
@@ -49,45 +44,52 @@ class PoseCodes:
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
         windows = np.arange(SEQUENCE)
-        sample = starts[:: -(-len(starts) // SAMPLE), None] + windows
-        features = stream.at(sample.ravel())
-        self._axes = np.linalg.eigh(features.T @ features)[1][:, : -FINE_AXES - 1 : -1]
-        turned = features @ self._axes
-        steps = np.maximum(np.abs(turned).max(axis=0), 1e-9) / 127
-        self._steps, self._fine_steps = steps[:AXES], steps.copy()
+        features = stream.at((starts[:: -(-len(starts) // SAMPLE), None] + windows).ravel())
+        self._axes = np.linalg.eigh(features.T @ features)[1][:, : -FINE_AXES - 1 : -1].copy()
+        turned, squares = features @ self._axes, (features**2).sum(axis=1)
+        self._fine_steps = np.maximum(np.abs(turned).max(axis=0), 1e-9) / 127
+        self._steps = self._fine_steps[:AXES].copy()
         self._fine_steps[:AXES] /= 254
-        squares = (features**2).sum(axis=1)
-        self._tail_steps = [_tail(squares, turned[:, :axes]).max() / 250 + 1e-9 for axes in (AXES, FINE_AXES)]
-        self._largest = 0.0
+        self._tail_step = _tail(squares, turned[:, :AXES]).max() / 250 + 1e-9
 
-        count = len(starts)
-        self._coarse = (np.empty((count, AXES, SEQUENCE), np.int8), *_empty_bounds(count))
-        self._fine = (np.empty((count, SEQUENCE, FINE_AXES), np.int8), *_empty_bounds(count))
-        for part in _parts(count, TOGETHER, "poses"):
+        count, self._largest = len(starts), 0.0
+        self.coarse = np.empty((count, AXES // 2, SEQUENCE, 2), np.int8)
+        self.squares = np.empty((count, SEQUENCE), np.float32)
+        self.tails = np.empty((count, SEQUENCE), np.uint8)
+        self.errors = np.empty(count, np.float32)
+        self.fine = np.empty((count, SEQUENCE), FINE_CODE)
+        self.fine_errors = np.empty(count, np.float32)
+        for part in _parts(count, stream, "poses"):
             features = stream.at((starts[part, None] + windows).ravel())
             self._code(part, features.reshape(-1, SEQUENCE, features.shape[1]))
-            stream.release()
+        self._codes = kernels.addresses(
+            self.coarse, self.squares, self.tails, self.errors, self.fine, self.fine_errors
+        )
 
     def _code(self, part: slice, features: np.ndarray) -> None:
-        turned = features @ self._axes
-        squares = (features**2).sum(axis=-1)
+        turned, squares = features @ self._axes, (features**2).sum(axis=-1)
         self._largest = max(self._largest, float(squares.max()))
-        coarse = _rounded(turned[..., :AXES], self._steps)
+
+        head = turned[..., :AXES]
+        coarse = _rounded(head, self._steps)
+        kept = coarse * self._steps
+        tail = _tail(squares, head)
+        tails = np.minimum(np.ceil(tail / self._tail_step), 255)
+        short = np.minimum(tail, 255 * self._tail_step)  # what is left of a tail too long for a byte is lost
+        self.coarse[part] = coarse.reshape(-1, SEQUENCE, AXES // 2, 2).transpose(0, 2, 1, 3)
+        self.squares[part] = (kept**2).sum(axis=-1) + short**2
+        self.tails[part] = tails
+        self.errors[part] = _largest_length(((head - kept) ** 2).sum(axis=-1) + (tail - short) ** 2)
+
         rest = turned.copy()
-        rest[..., :AXES] -= coarse * self._steps
+        rest[..., :AXES] -= kept
         fine = _rounded(rest, self._fine_steps)
-        self._coarse[0][part] = coarse.transpose(0, 2, 1)
-        self._fine[0][part] = fine
-        for code, axes, lost, tail_step in (
-            (self._coarse, AXES, rest[..., :AXES], self._tail_steps[0]),
-            (self._fine, FINE_AXES, rest - fine * self._fine_steps, self._tail_steps[1]),
-        ):
-            tail = _tail(squares, turned[..., :axes])
-            tails = np.minimum(np.ceil(tail / tail_step), 255)
-            kept = np.minimum(tail, 255 * tail_step)
-            code[1][part] = ((turned[..., :axes] - lost) ** 2).sum(axis=-1) + kept**2
-            code[2][part] = tails
-            code[3][part] = _UP * np.sqrt(((lost**2).sum(axis=-1) + (tail - kept) ** 2).max(axis=-1))
+        lost = rest - fine * self._fine_steps
+        tail = _tail(squares, turned)
+        self.fine["numbers"][part] = fine
+        self.fine["square"][part] = ((turned - lost) ** 2).sum(axis=-1) + tail**2
+        self.fine["tail"][part] = _UP * tail
+        self.fine_errors[part] = _largest_length((lost**2).sum(axis=-1))
 
     def nearest(self, query: np.ndarray, words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Bounds of the smallest distance from a query (96,) in each sequence, and where it may be.
@@ -102,32 +104,23 @@ class PoseCodes:
             distances that may be 0.
         """
         turned, square = query @ self._axes, query @ query
-        tails = [
-            2 * _UP * step * (_tail(square, turned[:axes]) + 1e-6)
-            for axes, step in zip((AXES, FINE_AXES), self._tail_steps, strict=True)
-        ]
-        fine_weights, fine_step = _whole(2 * self._fine_steps * turned)
+        tail, fine_tail = (2 * _UP * (_tail(square, turned[:axes]) + 1e-6) for axes in (AXES, FINE_AXES))
+        # Where the weights of the coarse code are rounded, the query is another one, and not far.
+        weights, step = _whole(2 * self._steps * turned[:AXES], 32767)
+        head = weights * step / (2 * self._steps)
+        square += head @ head - turned[:AXES] @ turned[:AXES]
+        error = _UP * np.sqrt(((head - turned[:AXES]) ** 2).sum())
+        fine_weights, fine_step = _whole(2 * self._fine_steps * np.append(head, turned[AXES:]), 32767)
         rounding = ROUNDING * (self._largest + square) + 127 / 2 * FINE_AXES * fine_step
-        return kernels.scan_poses(
-            self._coarse,
-            self._fine,
-            np.float32(2 * self._steps * turned[:AXES]),
-            fine_weights,
-            np.float32(fine_step),
-            np.float32(tails),
-            np.float32(square),
-            np.float32(rounding),
-            words,
-        )
+        tails = tail * self._tail_step, fine_tail
+        numbers = weights, fine_weights, step, fine_step, *tails, square, error, rounding
+        return kernels.nearest("poses", self._codes, np.array(numbers, POSE_QUERY), words)
 
 
 class FrameCodes:
-    """Every frame of a stream, rounded to bytes and stored once; features are stacked when they are read.
+    """The frames of all sequences in 12 bits and their sign; features are stacked when they are read.
 
-    Attributes:
-        stored: Bytes (2, n, d), the even and the odd rows, so that the frames of a feature lie side by side;
-            (N,) lengths of the features that begin at each row; (S,) largest length of what a sequence's
-            features lose; (S,) rows at which the sequences begin.
+    Even and odd frames lie apart, so that those of a feature lie side by side.
 
     Args:
         stream: Poses or sounds.
@@ -135,62 +128,66 @@ class FrameCodes:
     """
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
-        sample = stream.z_scored(stream.frames[:: -(-len(stream.frames) // (SAMPLE * SEQUENCE))])
-        self._step = float(np.quantile(np.abs(sample), 0.9999)) / 127
         self._cosine = stream.distance is cosine_distance
-        count, reach = len(stream.frames), int(stream.offsets[-1])
-        codes = np.zeros((2, count // 2 + reach, sample.shape[1]), np.int8)
-        squares, losses = np.zeros(count + reach), np.zeros(count + reach)
-        for part in _parts(count, SEQUENCE * TOGETHER, "frames"):
-            frames = stream.z_scored(stream.frames[part])
-            rounded = _rounded(frames, self._step)
-            for parity in (0, 1):
-                rows = slice(part.start // 2, part.start // 2 + len(rounded[parity::2]))
-                codes[parity, rows] = rounded[parity::2]
-            place = slice(part.start, part.start + len(frames))
-            squares[place] = ((rounded * self._step) ** 2).sum(axis=1)
-            losses[place] = ((frames - rounded * self._step) ** 2).sum(axis=1)
-            stream.release()
-        lengths = np.sqrt(sum(squares[offset : count + offset] for offset in stream.offsets))
-        losses = sum(losses[offset : count + offset] for offset in stream.offsets)
-        lost = np.sqrt(losses[starts[:, None] + np.arange(SEQUENCE)].max(axis=1))
-        numbers = sample.shape[1]
-        self._stored = codes.reshape(2, -1), numbers, lengths.astype(np.float32), np.float32(_UP * lost + 1e-6), starts
-        self._largest = float(lengths.max())
+        sample = stream.z_scored(stream.frames[:: -(-len(stream.frames) // (SAMPLE * SEQUENCE))])
+        self._step = float(np.abs(sample).max()) / LEVELS
+        count, self._largest = len(starts), 0.0
+        frames = SEQUENCE + int(stream.offsets[-1])
+        self.codes = np.empty((count, 2, frames // 2, sample.shape[1]), np.int16)
+        self.lengths = np.empty((count, SEQUENCE), np.float32)
+        self.errors = np.empty(count, np.float32)
+        for part in _parts(count, stream, "frames"):
+            numbers = stream.z_scored(stream.frames[starts[part, None] + np.arange(frames)])
+            rounded = _rounded(numbers, self._step, LEVELS)
+            self.codes[part] = rounded.reshape(len(rounded), -1, 2, sample.shape[1]).transpose(0, 2, 1, 3)
+            lengths = np.sqrt(_stacked((rounded * self._step) ** 2, stream.offsets))
+            losses = np.sqrt(_stacked((numbers - rounded * self._step) ** 2, stream.offsets))
+            self._largest = max(self._largest, float(lengths.max()))
+            if self._cosine:
+                # Of unit vectors, the loss is at most 2 * loss / (both lengths), and never more than 2.
+                losses = np.minimum(losses / np.maximum(lengths - losses / 2, 1e-9), 2)
+                losses[lengths < 1e-6] = 2
+                lengths = 1 / np.maximum(lengths, 1e-6)
+            self.lengths[part] = lengths
+            self.errors[part] = _UP * losses.max(axis=1) + 1e-7
+        self._codes = kernels.addresses(self.codes, self.lengths, self.errors)
+        self._what = "sounds" if self._cosine else "poses"
 
     def nearest(self, query: np.ndarray, words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See PoseCodes.nearest."""
-        return kernels.scan_frames(self._stored, self._rounded_query(query), words)
+        return kernels.nearest(self._what, self._codes, self._rounded(query), words)
 
     def compare(self, query: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(S,) bounds of the distances that hold whichever of its frames (S,) a sequence shows."""
-        return kernels.compare_frames(self._stored, self._rounded_query(query), frames)
+        return kernels.compare(self._what, self._codes, self._rounded(query), frames)
 
-    def _rounded_query(self, query: np.ndarray) -> tuple:
-        """Whole numbers, their step, squared length, what they lose, rounding error, and which distance."""
+    def _rounded(self, query: np.ndarray) -> np.ndarray:
         if self._cosine:
             query = unit_rows(query[None])[0]
-        whole, step = _whole(query)
+        whole, step = _whole(query, LEVELS)
         rounded = whole * step
+        error = _UP * np.sqrt(((query - rounded) ** 2).sum())
         square = query @ query if self._cosine else rounded @ rounded
-        lost = _UP * np.sqrt(((query - rounded) ** 2).sum())
         rounding = ROUNDING * (1.0 if self._cosine else self._largest**2 + square)
-        numbers = np.float32([step * self._step, square, lost, rounding])
-        return whole, *numbers, self._cosine
+        weights = np.zeros(112, np.int16)
+        weights[: len(whole)] = whole
+        return np.array((weights, step * self._step, square, error, rounding), FRAME_QUERY)
 
 
-def _parts(count: int, together: int, what: str) -> Iterator[slice]:
-    for begin in tqdm(range(0, count, together), f"indexing {what}", leave=False, delay=3):
-        yield slice(begin, begin + together)
+def _parts(count: int, stream: Stream, what: str) -> Iterator[slice]:
+    """Parts of so many sequences; what was read for one is released before the next."""
+    for begin in tqdm(range(0, count, TOGETHER), f"indexing {what}", leave=False, delay=3):
+        yield slice(begin, begin + TOGETHER)
+        stream.release()
 
 
-def _rounded(numbers: np.ndarray, steps: np.ndarray | float) -> np.ndarray:
-    return np.clip(np.rint(numbers / steps), -127, 127).astype(np.int8)
+def _rounded(numbers: np.ndarray, steps: np.ndarray | float, levels: int = 127) -> np.ndarray:
+    return np.clip(np.rint(numbers / steps), -levels, levels).astype(np.int8 if levels < 128 else np.int16)
 
 
-def _whole(numbers: np.ndarray) -> tuple[np.ndarray, float]:
-    """Numbers as 16-bit ones, and the step between these."""
-    step = max(float(np.abs(numbers).max()), 1e-9) / 32767
+def _whole(numbers: np.ndarray, levels: int) -> tuple[np.ndarray, float]:
+    """Whole numbers from -levels to levels, and their step."""
+    step = max(float(np.abs(numbers).max()), 1e-9) / levels
     return np.rint(numbers / step).astype(np.int16), step
 
 
@@ -199,7 +196,11 @@ def _tail(squares: np.ndarray, kept: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(squares - (kept**2).sum(axis=-1), 0))
 
 
-def _empty_bounds(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Squared lengths, tails and errors of a code."""
-    windows = count, SEQUENCE
-    return np.empty(windows, np.float32), np.empty(windows, np.uint8), np.empty(count, np.float32)
+def _largest_length(squares: np.ndarray) -> np.ndarray:
+    return _UP * np.sqrt(squares.max(axis=-1))
+
+
+def _stacked(numbers: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """(s, 64) sums over the frames of each feature, of numbers (s, frames, d)."""
+    sums = numbers.sum(axis=-1)
+    return sum(sums[:, offset : offset + SEQUENCE] for offset in offsets)

@@ -29,6 +29,10 @@ class Distances:
         """Distances of the features that begin at some rows."""
         return self.stream.distance(self.stream.at(rows), self.query)
 
+    def arguments(self) -> tuple[np.ndarray, ...]:
+        """For kernels.cpp: stream, query, and bounds."""
+        return self.stream.addresses, self.query, self.near, self.far
+
     def know(self, sequences: np.ndarray, distances: np.ndarray) -> None:
         """Take in the distances of some sequences."""
         self.near[sequences] = self.far[sequences] = distances
@@ -49,9 +53,14 @@ class Contest:
 
     def __init__(self, starts: np.ndarray, frames: np.ndarray, chosen: Distances) -> None:
         self._starts, self._frames, self._chosen = starts, frames, chosen
-        self._settled = np.zeros(len(starts), bool)
+        self._refined, self._settled = np.zeros((2, len(starts)), bool)
         self.ranked = [chosen]
         self.frame = np.zeros(len(starts), np.int64)
+
+    @property
+    def compared(self) -> int:
+        """Sequences whose distances were looked up in full."""
+        return int(np.count_nonzero(self._refined))
 
     def choose(self, sequences: np.ndarray) -> None:
         """Find the nearest frame of some sequences. A distance of 0 is the query's own frame, and skipped."""
@@ -67,31 +76,74 @@ class Contest:
 
     def winner(self, k: int) -> int:
         """The sequence with the k-th smallest sum of ranks; there must be as many."""
-        self._settle(self._contenders(k))
+        self._refine(self._contenders(k))
+        self._refine(self._crossing(self._contenders(k)))
+        # What double precision cannot tell apart is compared as the reference does it.
         contenders = self._contenders(k)
-        orders = [contenders[np.argsort(by.near[contenders], kind="stable")] for by in self.ranked]
-        crossed = np.zeros(len(self._frames), bool)
-        for by, order in zip(self.ranked, orders, strict=True):
-            crossed |= kernels.crossing(by.near[order], by.near, by.far, self._frames)
-        self._settle(np.flatnonzero(crossed))
+        self._settle(contenders)
+        if len(contenders) == 1:
+            return int(contenders[0])
+        self._settle(self._crossing(contenders))
 
         sums = np.zeros(len(self._frames), np.int64)
-        for by, order in zip(self.ranked, orders, strict=True):
-            sums[order] += kernels.ranks_among(by.near[order], order, by.far, self._frames)
+        for by in self.ranked:
+            order = contenders[np.argsort(by.near[contenders], kind="stable")]
+            before = np.zeros(len(order), np.int64)
+            kernels.call(
+                "count_before", by.near[order], order, len(order), by.far, len(sums), self._frames, before
+            )
+            sums[order] += before.cumsum()
         return int(contenders[np.argsort(sums[contenders], kind="stable")[k - 1]])
 
     def _contenders(self, k: int) -> np.ndarray:
         """The sequences that may have one of the k smallest sums of ranks, in their order."""
-        out = np.where(self._frames == 0, 4 * len(self._frames), 0)
-        fewest, most = out, out.copy()
+        sequences = len(self._frames)
+        bounds = [bound for by in self.ranked for bound in (by.near, by.far)]
+        counts, contenders = np.empty((2, sequences), np.int32), np.empty(sequences, np.int64)
+        count = kernels.call(
+            "list_contenders",
+            k,
+            sequences,
+            self._frames,
+            *bounds,
+            *[None] * (4 - len(bounds)),
+            counts,
+            contenders,
+        )
+        return contenders[:count]
+
+    def _crossing(self, contenders: np.ndarray) -> np.ndarray:
+        """The sequences that some contender may or may not precede, the contenders among them."""
+        crossed = np.zeros(len(self._frames), bool)
         for by in self.ranked:
-            kernels.add_rank_bounds(by.near, by.far, self._frames, fewest, most)
-        return np.flatnonzero(fewest <= np.partition(most, k - 1)[k - 1])
+            lows, highs = np.sort(by.near[contenders]), np.sort(by.far[contenders])
+            kernels.call(
+                "mark_crossing",
+                lows,
+                highs,
+                len(lows),
+                by.near,
+                by.far,
+                len(crossed),
+                self._frames,
+                crossed,
+            )
+        return np.flatnonzero(crossed)
+
+    def _refine(self, sequences: np.ndarray) -> None:
+        """Bound the distances of some sequences in double precision."""
+        sequences = sequences[~self._refined[sequences]]
+        self._refined[sequences] = True
+        chosen, *others = self.ranked
+        other = others[0].arguments() if others else (None, None, None, None)
+        kernels.call(
+            "refine", *chosen.arguments(), *other, self._starts, sequences, len(sequences), self._frames
+        )
 
     def _settle(self, sequences: np.ndarray) -> None:
         """Compare some sequences in full."""
         sequences = sequences[~self._settled[sequences]]
-        self._settled[sequences] = True
+        self._settled[sequences] = self._refined[sequences] = True
         self.choose(sequences)
         for by in self.ranked[1:]:
             by.know(sequences, by.exact(self._starts[sequences] + self.frame[sequences]))

@@ -1,7 +1,7 @@
 """Motion controls: constraints on the motion, and the mask of frames that keep them (MM22)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -11,7 +11,7 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import LABELS, SEQUENCE, Database
 from gesture_bot.matching.quantities import TWO_HANDED, UNITS, Quantity, measure
-from gesture_bot.matching.search import POSITIONS, eligible
+from gesture_bot.matching.search import MAX_K, POSITIONS, eligible
 
 Hand = Literal["left", "right", "both"]
 Bound = Literal["at_least", "at_most"]
@@ -19,6 +19,10 @@ Unit = Literal["percentile", "value"]
 
 FEWEST = 5
 """Sequences that the constraints must leave to choose from; with fewer, the robot would repeat itself."""
+
+
+AROUND = WINDOW // 2
+"""Where a window has begun lately, none begins or ends up to so many frames before or after."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,13 +126,35 @@ class Admission:
 
     Attributes:
         mask: (S, 64) bool control mask.
-        share: Share of all windows of the database that are eligible under it.
+        sequences: Sequences that have an eligible window under it.
+        share: Share of all windows of the database that are eligible.
         relaxed: What had to give way, in words; empty where everything is kept.
     """
 
     mask: np.ndarray
+    sequences: int
     share: float
     relaxed: tuple[str, ...]
+
+    def without(self, shown: Iterable[tuple[int, int]]) -> np.ndarray:
+        """The mask without windows that were shown, as long as MAX_K sequences stay eligible.
+
+        MM22 lets windows come back at once. Where constraints leave few, the search then goes round among
+        those that join best.
+
+        Args:
+            shown: Sequence and first frame of each window; the first ones count most.
+        """
+        mask, left = self.mask.copy(), self.sequences
+        for sequence, frame in shown:
+            row = mask[sequence : sequence + 1]
+            fresh = row.copy()
+            fresh[:, max(0, frame - AROUND) : frame + AROUND + 1] = False
+            left -= _sequences(row) - _sequences(fresh)
+            if left < MAX_K:
+                break
+            row[:] = fresh
+        return mask
 
 
 class Controls:
@@ -193,7 +219,7 @@ class Controls:
                 relaxed.append(f"{demand}: relaxed to percentile {percentile:.1f}")
             else:
                 relaxed.append(f"{demand}: dropped")
-        return Admission(mask, float(eligible(mask).mean()), tuple(relaxed))
+        return Admission(mask, _sequences(mask), float(eligible(mask).mean()), tuple(relaxed))
 
     def _hands(self, constraint: Constraint) -> np.ndarray:
         """(1 or 2, N) the quantity of the hands that a constraint bounds."""

@@ -9,6 +9,7 @@ import numpy as np
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
+from gesture_bot.matching import kernels
 from gesture_bot.matching.codes import FrameCodes, PoseCodes
 from gesture_bot.matching.contest import Contest, Distances
 from gesture_bot.matching.features import poses, sounds
@@ -24,8 +25,8 @@ MAX_K = 15
 POSITIONS = SEQUENCE - WINDOW + 1
 """Frames of a sequence at which a window can begin."""
 
-KEPT_SEARCHES = 100
-"""After so many searches, what they have read of a mapped file is given back to the system."""
+KEPT = 2000
+"""After so many sequences were compared in full, what was read of a mapped file is given back to the system."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +78,20 @@ def ranks_of(distances: np.ndarray) -> np.ndarray:
 class Search:
     """A database made ready to be searched.
 
-    The search compares codes of a byte a number, which bound every distance from both sides, and so every
-    rank. Only the sequences whose rank is open and matters are compared in full; see codes.py. What it finds
-    is what Reference finds, to the last bit.
+    The search compares codes of a byte or two a number, which bound every distance from both sides, and so
+    every rank. Only sequences whose rank is open and matters are compared in full. What it finds is what
+    reference.py finds, to the last bit.
+
+    Args:
+        database: Read where it is needed, so that a mapped file stays on the disk for the most part.
+        preselection: The one to make ready for; the codes for others are made when they are first asked for.
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, preselection: Preselection = "pose") -> None:
         self._starts = database.starts
         self._poses, self._sounds = poses(database), sounds(database)
-        self._searches = 0
-        self._pose_codes, self._sound_frames  # noqa: B018  the usual search finds them made
+        self._compared = 0
+        self._codes(preselection)
 
     @cached_property
     def _pose_codes(self) -> PoseCodes:
@@ -99,6 +104,12 @@ class Search:
     @cached_property
     def _pose_frames(self) -> FrameCodes:
         return FrameCodes(self._poses, self._starts)
+
+    def _codes(self, preselection: Preselection) -> tuple[PoseCodes | FrameCodes, FrameCodes]:
+        """Codes to choose frames by, and codes to compare them by."""
+        if preselection == "audio":
+            return self._sound_frames, self._pose_frames
+        return self._pose_codes, self._sound_frames
 
     def row(self, sequence: int, frame: int) -> int:
         """Row of the database at which a frame of a sequence lies."""
@@ -148,17 +159,15 @@ class Search:
         """
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
-        words = np.packbits(mask, axis=1, bitorder="little").view(np.uint64).ravel()
-        words &= words >> np.uint64(WINDOW - 1)
-
-        pose, audio = Distances(self._poses, pose_query), Distances(self._sounds, audio_query)
-        if preselection == "audio":
-            chosen, codes, other, other_codes = audio, self._sound_frames, pose, self._pose_frames
-        else:
-            chosen, codes, other, other_codes = pose, self._pose_codes, audio, self._sound_frames
-        chosen.near, chosen.far, frames = codes.nearest(chosen.query, words)
+        pose, audio = (
+            Distances(stream, np.ascontiguousarray(query, np.float64))
+            for stream, query in ((self._poses, pose_query), (self._sounds, audio_query))
+        )
+        chosen, other = (audio, pose) if preselection == "audio" else (pose, audio)
+        codes, other_codes = self._codes(preselection)
+        chosen.near, chosen.far, frames = codes.nearest(chosen.query, kernels.eligible_words(mask))
         contest = Contest(self._starts, frames, chosen)
-        contest.choose(np.flatnonzero(chosen.near == 0))
+        contest.choose(np.flatnonzero((chosen.near == 0) & (frames != 0)))
         candidates = int(np.count_nonzero(frames))
         if candidates == 0:
             return None
@@ -168,9 +177,9 @@ class Search:
 
         winner = contest.winner(min(k, candidates))
         frame = int(contest.frame[winner])
-        row = np.array([self.row(winner, frame)])
-        match = Match(winner, frame, float(pose.exact(row)[0]), float(audio.exact(row)[0]), candidates)
-        self._searches += 1
-        if self._searches % KEPT_SEARCHES == 0:
+        distances = [float(by.exact(np.array([self.row(winner, frame)]))[0]) for by in (pose, audio)]
+        self._compared += contest.compared
+        if self._compared > KEPT:
             self._poses.release()
-        return match
+            self._compared = 0
+        return Match(winner, frame, *distances, candidates)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import WINDOW, first_frame_after
+from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.banks import Gesture
 from gesture_bot.matching.controls import Admission, Constraint, Controls, Demand, LabelConstraint
@@ -27,6 +27,9 @@ ONSET = 4
 
 AHEAD = 0.8
 """Windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
+
+LATELY = 25 * FRAME_RATE
+"""A window of speech does not come again within so many frames, where there are others."""
 
 
 class Selector:
@@ -75,7 +78,9 @@ class Selector:
         self._emotion = find_emotion(emotions, "neutral", 0.0, 0.0)
         self._constraints: tuple[Demand, ...] = ()
         self._since = 0.0
-        self._admission = self._admit()
+        self._asked: tuple[Sequence[Demand], ...] = ()
+        self._admission: Admission
+        self._admit()
 
     @property
     def emotion(self) -> str:
@@ -109,7 +114,7 @@ class Selector:
             InvalidValueError: See emotions.find_emotion; the emotion stays as it was.
         """
         self._emotion = find_emotion(self._emotions, label, valence, arousal)
-        self._admission = self._admit()
+        self._admit()
 
     def set_controls(self, constraints: Sequence[Demand], since: float = 0.0) -> None:
         """Keep these constraints and no others, from the next window on.
@@ -123,7 +128,7 @@ class Selector:
         """
         self._controls.check(constraints)
         self._constraints, self._since = tuple(constraints), since
-        self._admission = self._admit()
+        self._admit()
 
     def add_features(self, frame: int, features: np.ndarray) -> None:
         """Take in the sound of a frame, usually before it is heard.
@@ -166,7 +171,7 @@ class Selector:
             self._late += 1
             plan.hold(soonest)
             self._settling = None
-        plan.forget(first_frame_after(now) - WINDOW)
+        plan.forget(first_frame_after(now) - LATELY)
         oldest = soonest - 2 * WINDOW
         self._features = {frame: features for frame, features in self._features.items() if frame > oldest}
         self._interrupt_rest(plan, soonest)
@@ -200,16 +205,19 @@ class Selector:
         left = tuple(constraint for constraint in self._constraints if constraint.holds(self._since, now))
         if left != self._constraints:
             self._constraints = left
-            self._admission = self._admit()
+            self._admit()
 
-    def _admit(self) -> Admission:
+    def _admit(self) -> None:
         known = self._database.names["emotion"]
         labels = tuple(label for label in self._emotion.labels if label in known)
         emotion: list[Demand] = [*self._emotion.constraints]
         if labels:
             # Recordings of an emotion show it better than bounds on others do.
             emotion.append(LabelConstraint("emotion", labels, priority=1))
-        return self._controls.admit(self._constraints, emotion)
+        asked = self._constraints, tuple(emotion)
+        # A state is often told again; in a large database it takes a while to apply.
+        if asked != self._asked:
+            self._asked, self._admission = asked, self._controls.admit(*asked)
 
     def _speaks(self, frame: int) -> bool:
         """Whether a frame is speech; up to a window after the last one known, it is taken to be like that."""
@@ -243,7 +251,8 @@ class Selector:
         sound = self._search.audio_of(
             np.array([self._features.get(frame, SILENCE_FEATURES) for frame in heard])
         )
-        mask, k = self._admission.mask, int(self._generator.integers(1, self._k + 1))
+        lately = [(seen.sequence, seen.frame) for seen in plan.windows[::-1] if seen.source == "speech"]
+        mask, k = self._admission.without(lately), int(self._generator.integers(1, self._k + 1))
         match = self._search.find(pose, sound, mask, k, self._preselection)
         if match is None:
             # All that the controls leave is the very frame that is shown.

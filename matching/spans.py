@@ -79,26 +79,16 @@ def _motion(path: Path, skeleton: str, start: float, end: float) -> CubicSpline:
             be seen from start to end.
     """
     # Most banks hold no recordings, and are read without what reads those.
-    from gesture_bot.corpus.cleaning import clean
-    from gesture_bot.corpus.one_body import in_pelvis_frame, in_standard_size
-    from gesture_bot.corpus.readers import READERS
-    from gesture_bot.corpus.resampling import to_frame_rate
+    from gesture_bot.corpus.readers import reader_of
     from gesture_bot.corpus.skeletons import load_skeleton
+    from gesture_bot.corpus.takes import motion_of
 
-    reader = next((reader for reader in READERS if reader.fits(path)), None)
-    if reader is None:
-        raise FileFormatError("no recording that can be read", str(path))
-    take = next(iter(reader.read(path)))
-    joints = load_skeleton(skeleton)
-    rate = take.rate or joints.rate
-    if rate is None:
-        raise FileFormatError(f"neither {path} nor the skeleton map {skeleton} says the frame rate")
-    cleaned = clean(in_pelvis_frame(in_standard_size(joints.keypoints(take))), rate)
-    seen = [(kept.start / rate, (kept.stop - 1) / rate) for kept in cleaned.kept]
+    take = next(iter(reader_of(path).read(path)))
+    motion = motion_of(take, load_skeleton(skeleton))
+    seen = [(kept.start / motion.rate, (kept.stop - 1) / motion.rate) for kept in motion.kept]
     if not any(first <= start and end <= last for first, last in seen):
         raise FileFormatError(
             f"{path} does not show the speaker from {start} to {end} s",
             valid=[f"{first:.2f} to {last:.2f} s" for first, last in seen],
         )
-    keypoints = to_frame_rate(cleaned.keypoints, rate)
-    return CubicSpline(np.arange(len(keypoints)) / FRAME_RATE, keypoints)
+    return CubicSpline(np.arange(len(motion.keypoints)) / FRAME_RATE, motion.keypoints)

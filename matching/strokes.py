@@ -16,8 +16,8 @@ from gesture_bot.matching.plan import Window
 from gesture_bot.matching.rendering import render
 from gesture_bot.matching.settling import Settling
 
-SHORTEST_PREPARATION = 0.3
-"""A person needs at least so long to bring a hand up [s]."""
+HASTE = 0.7
+"""Share of a gesture's preparation that somebody in a hurry needs at least."""
 
 STROKE_LEAD = 0.08
 """A stroke is planned to end so much before its word [s].
@@ -75,7 +75,7 @@ class Timing:
     @property
     def committed(self) -> int:
         """The frame from which on the gesture is finished, whatever comes."""
-        onset = min(self.motion.movement.first, -SHORTEST_PREPARATION)
+        onset = min(self.motion.movement.first, -_shortest(self.motion))
         return first_frame_after(self.planned + onset)
 
     @property
@@ -94,10 +94,10 @@ class Strokes:
     """Keywords that wait for their gestures, and the gesture that was made last.
 
     A gesture is finished up to its retraction once its stroke has begun. Before that, a heavier keyword takes
-    its place if it would be late otherwise. Of keywords that wait, one gives way to a heavier one that it
-    would delay; any other waits up to LONGEST_WAIT for the gesture before it, and is dropped then. It is
-    dropped, too, within the cooldown of its gesture, and where the stroke would come more than
-    LATEST_STROKE after its word.
+    its place if it would be late otherwise, and is prepared at once, so that no half stroke is seen. Of
+    keywords that wait, one gives way to a heavier one that it would delay; any other waits up to LONGEST_WAIT
+    for the gesture before it, and is dropped then. It is dropped, too, within the cooldown of its gesture,
+    and where the stroke would come more than LATEST_STROKE after its word.
 
     An emotion changes the gestures that are planned after it: by its variant of the gesture, or else by its
     amplitude and its tempo, which changes all times but the stroke's.
@@ -165,7 +165,7 @@ class Strokes:
             low: Hands that are to stay low.
         """
         self._keywords.remove(timing.keyword)
-        if self._last and timing.begin < self._last.committed:
+        if self._last and timing.begin < self._last.over:
             del self._made[self._last.keyword.name]
         self._last = timing
         self._made[timing.keyword.name] = timing.stroke
@@ -187,7 +187,7 @@ class Strokes:
         alone = _fitted(keyword, soonest, emotion)
         timing = _fitted(keyword, max(soonest, self.free_from), emotion)
         if last and keyword.weight > last.keyword.weight and soonest < last.committed:
-            instead = _fitted(keyword, max(soonest, last.free), emotion)
+            instead = _fitted(keyword, max(soonest, last.free), emotion, last.committed)
             timing = min(timing, instead, key=lambda fitted: fitted.stroke)
         since_last = timing.stroke - self._made.get(keyword.name, -math.inf)
         late = timing.stroke - keyword.stroke > LATEST_STROKE
@@ -200,19 +200,26 @@ class Strokes:
         return alone is not None and _fitted(other, timing.over, emotion).stroke > alone.stroke
 
 
-def _fitted(keyword: _Keyword, free: int, emotion: Emotion) -> Timing:
-    """When a keyword's gesture is made if the frames from `free` on are."""
+def _fitted(keyword: _Keyword, free: int, emotion: Emotion, latest: float = math.inf) -> Timing:
+    """When a keyword's gesture is made if it may begin at frame `free`, and must not after `latest`."""
     variant = keyword.gesture.variant(emotion.name)
     motion: Motion = variant or keyword.gesture
     tempo, amplitude = (1.0, 1.0) if variant else (emotion.tempo, emotion.amplitude)
     onset = motion.movement.first - STROKE_LEAD
     # A gesture that begins with a frame leaves the pose of the frame before.
-    stroke = max(keyword.stroke, frame_time(free - 1) + SHORTEST_PREPARATION - onset)
+    stroke = max(keyword.stroke, frame_time(free - 1) + _shortest(motion) - onset)
     # Where the first keyframe is the stroke's, so is the way to it.
     preparation = motion.preparation / (tempo if motion.movement.first < 0 else 1)
-    preparation = min(preparation, stroke + onset - frame_time(free - 1))
-    begin = max(first_frame_after(stroke + onset - preparation), free)
+    leave = min(stroke + onset - preparation, (latest - 1) / FRAME_RATE)
+    leave = max(leave, frame_time(free - 1))
+    begin = max(first_frame_after(leave), free)
+    preparation = stroke + onset - leave
     return Timing(keyword, motion, tempo, amplitude, free, begin, preparation, stroke)
+
+
+def _shortest(motion: Motion) -> float:
+    """The least time for a motion's preparation [s]."""
+    return HASTE * motion.preparation
 
 
 def _other_hand(motion: Motion, pose: np.ndarray, low: Collection[str]) -> bool:

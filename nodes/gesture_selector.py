@@ -1,14 +1,12 @@
 """Speech features, keywords, emotion and control in; gesture windows of the database out."""
 
-from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
-from gesture_bot.corpus.database import Database
-from gesture_bot.corpus.demo import demo_database
+from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.search import Preselection
@@ -32,6 +30,7 @@ class GestureSelector(GestureNode):
         database = self.parameter(
             "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
         )
+        banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         emotion = self.parameter("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml")
         k = self.parameter(
             "k", 1, "Each window is drawn from so many best matches: 1 takes the best", bounds=(1, 15)
@@ -47,9 +46,9 @@ class GestureSelector(GestureNode):
             bounds=(0.0, 5.0),
         )
         self._selector = Selector(
-            Database.load(demo_database() if database == "demo" else Path(database)),
+            load_database(database),
             emotions=load_emotions(),
-            gestures=load_banks(),
+            gestures=load_banks(banks),
             k=k,
             preselection=preselection,
             seed=seed,

@@ -29,6 +29,7 @@ ARGUMENTS = (
     Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
     Argument("voice", "embedded", "Voice that speaks text"),
     Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
+    Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
     Argument("robot", "toa", "Robot: a name in config/robots, or a YAML file"),
     Argument("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"),
@@ -41,8 +42,8 @@ NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
 NODES = (
     GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
     GraphNode("feature_streamer", "FeatureStreamer", ()),
-    GraphNode("keyword_spotter", "KeywordSpotter", ()),
-    GraphNode("gesture_selector", "GestureSelector", ("database", "emotion", "seed")),
+    GraphNode("keyword_spotter", "KeywordSpotter", ("banks",)),
+    GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),
     GraphNode("gesture_refiner", "GestureRefiner", ()),
     GraphNode("retargeter", "Retargeter", ("robot",)),
     GraphNode("motion_mux", "MotionMux", ("robot",)),

@@ -19,7 +19,8 @@ class KeywordSpotter(GestureNode):
 
     def __init__(self, name: str = "keyword_spotter", **options: Any):
         super().__init__(name, **options)
-        self._spotter = keywords.KeywordSpotter(triggers(load_banks()))
+        banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
+        self._spotter = keywords.KeywordSpotter(triggers(load_banks(banks)))
         self._heard, self._confidence = 0.0, 1.0
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)

@@ -30,6 +30,8 @@ HOP = 160
 MELS = 40
 """Mel filters, from 0 Hz to half the sample rate."""
 
+_PIECE = 60 * SAMPLE_RATE
+
 FLOOR = -60.0
 """Least power of a mel filter and least mean energy [dB]. Room noise and digital silence then look alike."""
 
@@ -47,7 +49,10 @@ def speech_features(samples: np.ndarray) -> np.ndarray:
         InvalidValueError: The samples are not one channel of finite numbers.
     """
     stream = FeatureStream()
-    return np.concatenate([stream.push(samples), stream.flush()])
+    # The windows of a whole hour at once would be gigabytes.
+    begins = range(0, len(np.atleast_1d(samples)), _PIECE)
+    pieces = [stream.push(samples[begin : begin + _PIECE]) for begin in begins]
+    return np.concatenate([*pieces, stream.flush()])
 
 
 class FeatureStream:

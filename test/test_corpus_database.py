@@ -75,6 +75,13 @@ def test_statistics_are_those_of_the_sequences(built):
     assert np.allclose(built.feature_deviation, frames.std(axis=0))
 
 
+def test_what_never_changes_keeps_its_unit():
+    keypoints = np.full((300_000, len(KEYPOINTS), 3), 0.1, np.float32)
+    built = build_database([Recording("still", keypoints, np.full((300_000, 28), 0.3, np.float32))], {})
+    np.testing.assert_array_equal(built.keypoint_deviation, 1.0)
+    np.testing.assert_array_equal(built.feature_deviation, 1.0)
+
+
 def test_labels_that_are_not_there_are_answered_with_those_that_are(built):
     with pytest.raises(InvalidValueError, match="emotion: 'furious'; valid: happy, sad"):
         built.labelled("emotion", "furious")

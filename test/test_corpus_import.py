@@ -1,5 +1,6 @@
 """From a take to recordings: known motion arrives where it should, and bad frames do not arrive."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -274,6 +275,14 @@ def test_a_table_with_names_reads_as_one_without(tmp_path):
         list(text_reader.read(tmp_path / "plain.txt"))
 
 
+def test_a_table_from_a_spreadsheet_program_begins_with_a_mark(tmp_path):
+    header = ",".join(f"{name}_{axis}" for name in KEYPOINTS for axis in "xyz")
+    (tmp_path / "own.csv").write_text(f"{header}\n{','.join('1' * 51)}\n", encoding="utf-8-sig")
+    assert text_reader.fits(tmp_path / "own.csv")
+    (take,) = text_reader.read(tmp_path / "own.csv")
+    assert take.joints == KEYPOINTS
+
+
 def test_transcripts_are_no_keypoints(tmp_path):
     (tmp_path / "words.txt").write_text("01_beat_align 0 68.0 68.0 0.1\n")
     (tmp_path / "times.csv").write_text("0.5,0.7,hello\n")
@@ -288,6 +297,20 @@ def test_a_broken_bvh_is_named(tmp_path, content):
     path.write_text(path.read_text()[:-3000] if content == "cut" else content)
     with pytest.raises(FileFormatError, match=r"broken\.bvh"):
         list(bvh_reader.read(path))
+
+
+def test_a_missing_bvh_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match=r"cannot read .*none\.bvh \(no such file\)"):
+        list(bvh_reader.read(tmp_path / "none.bvh"))
+
+
+@pytest.mark.parametrize(("frame_time", "rate"), [("0.008333", 120), ("0.04167", 24), ("0.0333667", 29.97)])
+def test_a_rounded_frame_time_does_not_drift(tmp_path, frame_time, rate):
+    path = tmp_path / "motion.bvh"
+    write_bvh(path, motion(15, 1), 15)
+    path.write_text(re.sub("(?<=Frame Time: ).*", frame_time, path.read_text()))
+    (take,) = bvh_reader.read(path)
+    assert take.rate == pytest.approx(rate, rel=1e-6)
 
 
 @pytest.mark.skipif(not SPEECH.exists(), reason="../shared/data/gestures_from_speech is not there")

@@ -1,18 +1,23 @@
 """`gesture-bot build-database`: what comes out, what is said, and what an interruption leaves behind."""
 
 import itertools
+import os
+import runpy
 import shutil
 import signal
-import subprocess
+import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
-from conftest import command
+from conftest import wait_until
 from test_corpus_import import DATA, SPEECH, TRINITY, motion
 
+from gesture_bot.base.keypoints import INDEX, KEYPOINTS
 from gesture_bot.cli.main import main
+from gesture_bot.corpus.body import Posture, pose
 from gesture_bot.corpus.building import find_jobs
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.importing import import_file
@@ -77,7 +82,7 @@ def test_a_folder_becomes_a_database(folder, tmp_path, capsys):
     assert output.read_bytes() == before
 
 
-def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capsys):
+def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capfd):
     (tmp_path / "data").mkdir()
     record(tmp_path / "data/0.bvh", 30.0)
     for number, ending in itertools.product(range(1, 6), (".bvh", ".wav")):
@@ -85,18 +90,17 @@ def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capsys):
     output, parts = tmp_path / "own.safetensors", tmp_path / "own.safetensors.parts"
     output.write_text("the old database")
     arguments = (tmp_path / "data", "-o", output, "--workers", 2)
-    process = subprocess.Popen(
-        command("build-database", *map(str, arguments)), stderr=subprocess.PIPE, text=True
-    )
-    while not list(parts.glob("*.npz")):
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    asked = time.monotonic()
-    _, said = process.communicate(timeout=20)
-    assert time.monotonic() - asked < 5
-    assert process.returncode == 130
-    assert "Traceback" not in said
+    asked = []
+
+    def interrupt():
+        wait_until(lambda: list(parts.glob("*.npz")), 20, "the first file")
+        asked.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    assert build(*arguments) == 130
+    assert time.monotonic() - asked[0] < 5
+    assert "Traceback" not in capfd.readouterr().err
     assert output.read_text() == "the old database"
     kept = {part: part.stat().st_mtime_ns for part in parts.glob("*.npz")}
     assert 0 < len(kept) < 6
@@ -107,11 +111,89 @@ def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capsys):
     assert all(part.stat().st_mtime_ns == moment for part, moment in kept.items())
     record(tmp_path / "data/5.bvh", 10.0)
     assert build(*arguments[:-1], 1) == 0
-    assert "2400 frames read" in capsys.readouterr().out
+    assert "2400 frames read" in capfd.readouterr().out
     assert not parts.exists()
     whole = output.read_bytes()
     assert build(*arguments[:-1], 1) == 0
     assert output.read_bytes() == whole
+
+
+def test_another_process_that_looks_at_the_command_does_not_run_it():
+    """Processes that import files look at the script that started them: in a ROS workspace, this one."""
+    runpy.run_path(str(Path(__file__).parents[1] / "cli/executable.in"), run_name="__mp_main__")
+
+
+def test_a_file_is_imported_once_whatever_it_is_called(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    sources = ("bvh/two.bvh", folder / "bvh", "wav/../bvh", folder)
+    assert build(*sources, "-o", tmp_path / "own.safetensors", "--workers", 1) == 0
+    assert "from 2 of 3 files" in capsys.readouterr().out
+
+
+def test_a_run_that_finds_nothing_leaves_what_an_earlier_one_imported(folder, tmp_path):
+    output, parts = tmp_path / "own.safetensors", tmp_path / "own.safetensors.parts"
+    parts.mkdir()
+    (job, _, _) = find_jobs([folder], list(load_skeletons().values()), parts)
+    assert import_file(job) == ""
+    assert build(folder, "-o", output, "--map", "trinity", "--workers", 1) == 1
+    assert job.part.exists()
+
+
+def test_a_sound_that_was_added_is_heard(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "set")
+    skeletons = list(load_skeletons().values())
+    before = find_jobs([tmp_path / "set"], skeletons, tmp_path)[0]
+    shutil.copy(folder / "bvh/two.wav", tmp_path / "set/bvh/one.wav")
+    after = find_jobs([tmp_path / "set"], skeletons, tmp_path)[0]
+    assert before.path == after.path
+    assert before.part != after.part
+
+
+def test_a_name_that_is_no_text_does_not_stop_the_others(tmp_path, capsys):
+    record(tmp_path / "x.bvh")
+    for ending in (b".bvh", b".wav"):
+        shutil.copy(os.fsencode(tmp_path) + b"/x" + ending, os.fsencode(tmp_path) + b"/\xff" + ending)
+    assert build(tmp_path, "-o", tmp_path / "own.safetensors", "--workers", 1) == 0
+    assert "of 2 files" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rate", [12, 30, 120])
+def test_a_clap_is_seen_when_it_is_heard(tmp_path, rate):
+    """A hand goes up and turns back sharply at each clap; in the middle, it cannot be seen for a while."""
+    claps = 1.5 + 1.7321 * np.arange(20)
+    times = np.arange(38 * rate) / rate
+    raised = np.clip(1 - np.abs(times[:, None] - claps).min(axis=1) / 0.25, 0, 1)
+    left = np.tile([0.3, 0.2, 0.1, 0.3, 0.1], (len(times), 1))
+    still = np.zeros((len(times), 3))
+    keypoints = pose(Posture(left + np.outer(raised, [0, 0, 0.25, 0, 0]), left, still, still, 0.2))
+    keypoints[(times > 16) & (times < 18)] = np.nan
+    samples = np.zeros(38 * 44_100)
+    for clap in claps:
+        samples[round(clap * 44_100) - 220 :][:440] = np.random.default_rng(0).uniform(-0.8, 0.8, 440)
+    soundfile.write(tmp_path / "clap.wav", samples, 44_100)
+    header = ",".join(f"{name}_{axis}" for name in KEYPOINTS for axis in "xyz")
+    np.savetxt(tmp_path / "clap.csv", keypoints.reshape(-1, 51), "%.5f", ",", header=header, comments="")
+    (tmp_path / "own.yaml").write_text(
+        f"description: a test\naxes: [forward, left, up]\nrate: {rate}\njoints:\n"
+        + "\n".join(f"  {name}: {name}" for name in KEYPOINTS)
+    )
+    output = tmp_path / "own.safetensors"
+    assert build(tmp_path / "clap.csv", "-o", output, "--map", tmp_path / "own.yaml", "--workers", 1) == 0
+    database = Database.load(output)
+    height = database.keypoints[:, INDEX["left_wrist"], 2].astype(float)
+    seen = height - height.min()
+    heard = np.maximum(0, 10 ** (database.features[:, 13] / 10) - 2e-6)
+    tops = [
+        frame
+        for frame in range(4, len(seen) - 4)
+        if seen[frame] > 0.1 and seen[frame - 4 :][:9].argmax() == 4
+    ]
+    assert len(tops) >= 17
+    for top in tops:
+        around = np.arange(top - 4, top + 5)
+        # A frame of keypoints is a moment; a frame of features lasts until the next one.
+        late = np.average(around, weights=seen[around]) - np.average(around + 0.5, weights=heard[around])
+        assert abs(late) < 0.5
 
 
 def test_bad_files_are_named_and_left_out(folder, tmp_path, capsys):
@@ -138,6 +220,8 @@ def test_bad_files_are_named_and_left_out(folder, tmp_path, capsys):
         (["{folder}", "--workers", "0"], "number of workers: 0"),
         (["{folder}", "--labels", "{table}"], "among the sources: 'four.bvh'"),
         (["{folder}", "--labels", "{folder}"], "cannot read"),
+        (["{folder}", "--labels", "{short}"], "among the sources: ''"),
+        (["{folder}", "--labels", "{long}"], "more cells than columns in the row of: 'one.bvh'"),
         (["{folder}", "--labels", "{columns}"], "'mood'; valid: file, emotion, style, speaker"),
         (["{folder}/bvh/three.bvh"], "no recording to build"),
         (["{folder}", "--map", "trinity"], "no recording to build"),
@@ -148,7 +232,10 @@ def test_bad_files_are_named_and_left_out(folder, tmp_path, capsys):
 def test_wrong_input_is_named_in_one_line(folder, tmp_path, capsys, arguments, named):
     (tmp_path / "table.csv").write_text("file,emotion\nfour.bvh,happy\n")
     (tmp_path / "columns.csv").write_text("file,mood\none.bvh,happy\n")
-    places = {"folder": folder, "table": tmp_path / "table.csv", "columns": tmp_path / "columns.csv"}
+    (tmp_path / "short.csv").write_text("emotion,file\nhappy\n")
+    (tmp_path / "long.csv").write_text("file,emotion\none.bvh,happy,ann\n")
+    tables = {name: tmp_path / f"{name}.csv" for name in ("table", "columns", "short", "long")}
+    places = {"folder": folder, **tables}
     output = ["-o", str(tmp_path / "own.safetensors")]
     assert build(*output, "--workers", 1, *(argument.format(**places) for argument in arguments)) == 1
     (error,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("gesture-bot: ")]

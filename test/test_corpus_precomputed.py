@@ -161,6 +161,29 @@ def test_a_damaged_lsg21_file_is_an_error_in_one_line(tmp_path):
         list(lsg21_reader.read(path))
 
 
+def test_one_clip_that_cannot_be_used_does_not_cost_the_others(clips, samples, tmp_path, capsys):
+    body = np.stack([lsg21_body(clip, True) for clip in clips])
+    body[0] = np.nan
+    lying = body[1].reshape(64, 3, -1)
+    lying[:, [0, 1]] = lying[:, [1, 0]]
+    np.savez(tmp_path / "train_seth_data.npz", body=body, wav=np.stack([samples[:68267]] * 3))
+    output = tmp_path / "own.safetensors"
+    assert main(["build-database", str(tmp_path), "-o", str(output), "--workers", "1"]) == 0
+    assert "192 frames read, 0 mended, 64 kept; cut: 128 unusable" in capsys.readouterr().out
+    np.testing.assert_allclose(Database.load(output).keypoints[:64], clips[2], atol=0.02)
+
+
+def test_a_damaged_archive_is_named_or_is_none(clips, tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, body=np.stack([lsg21_body(clip, True) for clip in clips]), wav=np.zeros((3, 9)))
+    content = path.read_bytes()
+    path.write_bytes(content[:1000] + b"\xff" * 500 + content[1500:])
+    with pytest.raises(FileFormatError, match="cannot read the array body"):
+        list(lsg21_reader.read(path))
+    path.write_bytes(content[-30:])
+    assert not lsg21_reader.fits(path)
+
+
 def landmark_file(path: Path, **changes: np.ndarray) -> Path:
     """Two trials of somebody who holds still, but for what is changed."""
     arrays = {
@@ -194,6 +217,11 @@ def test_a_landmark_that_is_not_seen_is_lost(tmp_path):
             {"audio_names": np.array([f"band{number}" for number in range(15)])},
             "audio_names lacks.*rms.*band0",
         ),
+        (
+            {"names": np.array(["NOSE", "LEFT_WRIST", "RIGHT_ELBOW", "RIGHT_WRIST"])},
+            "'LEFT_ELBOW'; valid: NOSE",
+        ),
+        ({"fps": np.array(0)}, "fps is no rate: 0"),
     ],
 )
 def test_a_landmark_file_that_does_not_fit_is_named(tmp_path, changes, message):

@@ -1,6 +1,7 @@
 """`gesture-bot evaluate controls`: what the table says is what the motion does."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from small_database import small_database
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.cli.main import main
 from gesture_bot.corpus.sentences import SENTENCES
-from gesture_bot.evaluate.control_table import CONTROLS, control_table
+from gesture_bot.evaluate.control_table import CONTROLS, Spread, control_table
 from gesture_bot.evaluate.held_sentences import HELD_SENTENCES
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import SILENCE_FEATURES
@@ -59,16 +60,31 @@ def test_a_threshold_is_the_percentile_of_the_database(rows, database):
 
 
 def test_what_is_missed_is_told(rows):
-    row = rows["symmetric"]
-    # The least a difference can be is 0: so close to it nothing varies as it does elsewhere.
-    assert row.missed(row.found) == ["variation"]
-    assert row.found.variation < 0.4
+    row = rows["high"]
+    still = Spread(row.found.controlled.mean, 0.3 * row.found.free.deviation)
+    assert row.missed(replace(row.found, controlled=still)) == ["variation"]
     assert rows["low"].missed(rows["high"].found)[:1] == ["mean"]
 
 
 def test_silence_makes_no_table(database):
     with pytest.raises(InvalidValueError, match="no speech"):
         control_table(database, np.tile(SILENCE_FEATURES, (60, 1)))
+
+
+def test_motion_that_stands_still_is_nothing_to_measure(database, wav, tmp_path, capsys):
+    still = np.repeat(database.keypoints[:1], len(database.keypoints), axis=0)
+    replace(database, keypoints=still).save(tmp_path / "still.safetensors")
+    arguments = [
+        "evaluate",
+        "controls",
+        "--database",
+        str(tmp_path / "still.safetensors"),
+        "--speech",
+        str(wav),
+    ]
+    assert main(arguments) == 1
+    assert "no hand moves in the database" in capsys.readouterr().err
+    assert np.isnan(Spread(0.1, 0.0).share_of(Spread(0.1, 0.0)))
 
 
 def test_the_command_prints_and_writes_the_table(database, wav, tmp_path, capsys):

@@ -97,6 +97,12 @@ def test_only_png_is_drawn(path, capsys):
     assert "picture.doc" in capsys.readouterr().err
 
 
+def test_a_picture_that_cannot_be_written_is_an_error_in_one_line(path, tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert main(["inspect", str(path), "-o", str(tmp_path / "file/picture.png")]) == 1
+    assert "cannot write" in capsys.readouterr().err
+
+
 def test_poses_are_chosen_from_all_over():
     clouds = np.random.default_rng(0).normal(size=(400, 3)) * 0.01
     clouds[:100] += 5

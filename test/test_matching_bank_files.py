@@ -153,3 +153,8 @@ def test_a_mistake_in_a_span_is_named_with_its_place(span, old, new, named):
     (folder / "wrong.yaml").write_text(SPAN.replace(old, new))
     with pytest.raises(FileFormatError, match=named):
         read_bank(folder / "wrong.yaml")
+
+
+def test_a_folder_without_a_bank_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match=f"no semantic banks.*{tmp_path.name}"):
+        load_banks(tmp_path)

@@ -11,7 +11,7 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import INDEX, MATCHED
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.reference import Reference
-from gesture_bot.matching.search import KEPT_SEARCHES, Search
+from gesture_bot.matching.search import Search
 
 DATABASE = small_database(recordings=10)
 SEARCH, REFERENCE = Search(DATABASE), Reference(DATABASE)
@@ -193,10 +193,11 @@ def test_a_query_that_is_not_finite_is_named(search, broken):
         search.find(queries["pose"], queries["audio"], np.ones((SEQUENCES, 64), bool))
 
 
-def test_a_mapped_file_is_given_back_and_read_again(tmp_path):
+def test_a_mapped_file_is_given_back_and_read_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("gesture_bot.matching.search.KEPT", 30)
     DATABASE.save(tmp_path / "database.safetensors")
     mapped = Search(Database.load(tmp_path / "database.safetensors"))
     mask, generator = np.ones((SEQUENCES, 64), bool), np.random.default_rng(4)
-    for _ in range(KEPT_SEARCHES + 2):
+    for _ in range(20):
         pose, audio = random_query(generator)
         assert mapped.find(pose, audio, mask) == SEARCH.find(pose, audio, mask)

@@ -111,6 +111,32 @@ def test_emotion_and_control_act_in_the_next_window_planned():
             assert mask[window.sequence, window.frame] and mask[window.sequence, window.frame + 7]
 
 
+def again(show):
+    """How often a window begins where one of the 25 s before it began, give or take 4 frames."""
+    windows = spoken(show)
+    return sum(
+        any(w.sequence == b.sequence and abs(w.frame - b.frame) <= 4 for b in windows[max(0, i - 46) : i])
+        for i, w in enumerate(windows)
+    )
+
+
+@pytest.mark.parametrize("options", [{}, {"k": 5}, {"preselection": "audio"}])
+def test_windows_do_not_come_again_while_others_are_left(options):
+    chooser = Selector(UNLABELLED, GESTURES, EMOTIONS, **options)
+    chooser.set_controls([Constraint("wrist_height", "at_least", 60, "left")])
+    admission = Controls(UNLABELLED).admit(chooser.constraints)
+    show = Show(chooser).run(30.0, np.tile(SPEECH, (3, 1)), START + 30)
+    assert len(spoken(show)) > 50
+    assert again(show) == 0
+    assert all(admission.mask[window.sequence, window.frame] for window in spoken(show))
+
+
+def test_windows_come_again_where_few_are_left():
+    chooser = selector()
+    chooser.set_controls([Constraint("wrist_height", "at_least", 99, "left")])
+    assert again(Show(chooser).run(30.0, np.tile(SPEECH, (3, 1)), START + 30)) > 0
+
+
 def test_a_control_with_a_duration_ends_by_itself():
     show = Show(selector()).run(4.0, SPEECH, START + 30, lead=60)
     asked = show.now - 1.0

@@ -14,7 +14,7 @@ from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.plan import Window
 from gesture_bot.matching.rendering import render
 from gesture_bot.matching.settling import Settling, rest_pose
-from gesture_bot.matching.strokes import STROKE_LEAD, Strokes
+from gesture_bot.matching.strokes import HASTE, STROKE_LEAD, Strokes
 from gesture_bot.refine.smoothing import WindowSmoother
 from gesture_bot.speech.features import SILENCE_FEATURES
 
@@ -45,8 +45,20 @@ def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
     (bank,) = show.tick()[:1]
     assert bank.name == "stop"
     assert bank.start == first_frame_after(show.now + 0.4)
-    earliest = 0.4 + 0.3 - GESTURES["stop"].movement.first + STROKE_LEAD
+    stop = GESTURES["stop"]
+    earliest = 0.4 + HASTE * stop.preparation - stop.movement.first + STROKE_LEAD
     assert bank.stroke - show.now == pytest.approx(earliest, abs=1 / FRAME_RATE)
+
+
+@pytest.mark.parametrize("name", GESTURES)
+def test_a_gesture_in_a_hurry_is_no_faster_than_a_person(name):
+    show = Show(selector()).run(1.0)
+    show.chooser.add_keyword(name, show.now + 0.4)
+    show.run(4.0)
+    assert "bank" in show.sources
+    _, keypoints = smoothed(sorted(show.windows, key=lambda window: window.start))
+    speed = np.linalg.norm(np.diff(keypoints[:, WRISTS], axis=0), axis=-1) * FRAME_RATE
+    assert speed.max() < 4.5
 
 
 def test_a_keyword_that_can_only_be_much_too_late_is_dropped():
@@ -168,8 +180,12 @@ def interrupted(ahead):
 
 
 def test_a_heavier_keyword_takes_the_place_of_a_gesture_before_its_stroke():
-    (stroke,), _ = interrupted(ahead=1.2)
+    (stroke,), show = interrupted(ahead=1.2)
     assert stroke == pytest.approx(0.7)
+    # Of the first one no more than its preparation is seen.
+    (think,) = [window for window in show.windows if window.name == "think"]
+    seen = [frame for frame, (_, window) in show.seen.items() if window is think]
+    assert frame_time(max(seen)) < think.stroke - STROKE_LEAD - HASTE * GESTURES["think"].preparation
     # When its own stroke has begun, it is finished first.
     (stroke,), show = interrupted(ahead=0.6)
     assert 1.2 < stroke < 1.4
