@@ -3,11 +3,6 @@
 `make bench-search`; one thread for everybody; the last line is one JSON object.
 """
 
-import os
-
-THREADS = 1
-os.environ |= {f"{library}_NUM_THREADS": str(THREADS) for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-
 import json
 import sys
 import tempfile
@@ -21,19 +16,21 @@ import faiss
 import numpy as np
 import psutil
 from machine import machine
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.corpus.demo import demo_database
-from gesture_bot.matching.codes import FINE_AXES
 from gesture_bot.matching.features import poses, sounds
+from gesture_bot.matching.kernels import FINE_CODE
 from gesture_bot.matching.reference import Reference
 from gesture_bot.matching.search import POSITIONS, PRESELECTIONS, Search, eligible, ranks_of
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
-from large_database import large_database, random_mask
+from large_database import large_database, random_mask  # noqa: E402  from test/
 
+THREADS = 1
 SHARES = (0.02, 0.15, 0.5, 1.0)
 PAPER, LONG = 9624, 100_000
 STEPS = 40
@@ -115,6 +112,7 @@ def mismatches(database: Database, search: Search, queries: int) -> int:
 
 def measure_long(path: Path) -> dict[str, float]:
     """Time and memory of a search through a mapped file, in a process of its own."""
+    threadpool_limits(THREADS)
     database, loading = timed(lambda: Database.load(path))
     search, building = timed(lambda: Search(database))
     times = walk(search, large_database(10, seed=1), np.ones((len(database.starts), SEQUENCE), bool), STEPS)
@@ -137,12 +135,12 @@ def print_variances(database: Database) -> None:
 
 
 def main() -> None:
+    threadpool_limits(THREADS)
     faiss.omp_set_num_threads(THREADS)
     speech = large_database(10, seed=1)
     database = large_database(PAPER, repeated=100)
     print_variances(database)
-    search, building = timed(lambda: Search(database))
-    walk(search, speech, np.ones((PAPER, SEQUENCE), bool), 3)  # compiles
+    search, building = timed(lambda: Search(database))  # noqa: F821  deleted below
     times = compare(database, search, speech)
     generator = np.random.default_rng(2)
     masked = {
@@ -153,13 +151,13 @@ def main() -> None:
     touched = bytes_touched(search, PAPER)
     ours, numpy, flat = (float(np.median(times[name])) for name in ("ours", "numpy", "faiss"))
     quantiles = {
-        name: dict(zip(("10%", "50%", "90%"), np.quantile(taken, (0.1, 0.5, 0.9)).round(2), strict=True))
+        name: {f"{share:.0%}": round(float(np.quantile(taken, share)), 2) for share in (0.1, 0.5, 0.9)}
         for name, taken in times.items()
     }
     differing = mismatches(database, search, 400)
     small = large_database(1000, repeated=50)
     differing += mismatches(small, Search(small), 1000)
-    del database, search
+    del database, search, small
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.safetensors"
         large_database(LONG).save(path)
@@ -191,7 +189,8 @@ def bytes_touched(search: Search, sequences: int) -> int:
     codes, every = search._pose_codes, np.full(sequences, 2**POSITIONS - 1, np.uint64)
     frames = codes.nearest(search.pose_at(0), every)[2]
     windows = int(np.unpackbits(frames.view(np.uint8)).sum())
-    return sum(array.nbytes for array in codes._coarse) + windows * (FINE_AXES + 5 + 112 + 4)
+    coarse = (codes.coarse, codes.squares, codes.tails, codes.errors)
+    return sum(array.nbytes for array in coarse) + windows * (FINE_CODE.itemsize + 2 * 112 + 4)
 
 
 def read_bandwidth() -> float:

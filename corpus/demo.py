@@ -47,7 +47,8 @@ UNSTRESSED = frozenset([
 """Words that carry no stroke: mostly function words."""
 
 MADE_BY = (
-    "body", "database", "demo", "forms", "gestures", "movement", "recordings", "sentences", "styles", "synthesis",
+    "body", "database", "demo", "forms", "gestures", "movement", "recordings", "sentences", "styles",
+    "synthesis",
 )  # fmt: skip
 """Files of this room that shape the corpus; a change in them builds it anew."""
 
@@ -161,6 +162,7 @@ def _fingerprint() -> str:
     """What the corpus is made from: the code, and the voice."""
     digest = hashlib.blake2b(version("hibari-tts").encode(), digest_size=6)
     rooms = Path(__file__).parents[1]
-    for source in (*(rooms / "corpus" / f"{name}.py" for name in MADE_BY), *sorted(rooms.glob("speech/*.py"))):
+    here = (rooms / "corpus" / f"{name}.py" for name in MADE_BY)
+    for source in (*here, *sorted(rooms.glob("speech/*.py"))):
         digest.update(source.read_bytes())
     return digest.hexdigest()

@@ -124,7 +124,7 @@ def _with_statistics(
     """The database, with mean and deviation over the frames of all sequences."""
     inside = np.zeros(len(keypoints), bool)
     inside[starts[:, None] + np.arange(SEQUENCE)] = True
-    statistics: dict[str, np.ndarray] = {}
+    statistics: dict[str, Any] = {}
     for name, array in (("keypoint", keypoints), ("feature", features)):
         mean, deviation = _mean_and_deviation(array, inside)
         # A number that never changes, but for its rounding, keeps its unit.

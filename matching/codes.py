@@ -1,7 +1,8 @@
-"""Features rounded to bytes, with bounds of what that loses.
+"""Features in a byte or two a number, with bounds of what that loses.
 
-Sums of bytes are fast and small, and still no distance is ever taken for smaller or larger than it can be:
-the length of what a code loses is known, and bounds the error of every distance (triangle inequality).
+Whole numbers are small and quickly added up, and still no distance is ever taken for smaller or larger than
+it can be: the length of what a code loses is known, and bounds the error of every distance (triangle
+inequality).
 """
 
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from gesture_bot.matching.features import Stream, cosine_distance, unit_rows
 from gesture_bot.matching.kernels import AXES, FINE_AXES, FINE_CODE, FRAME_QUERY, POSE_QUERY
 
 LEVELS = 4095
-"""Largest code of a number of a frame: of its products with a query, 112 add up in 32 bits."""
+"""Largest code of a number of a frame or of a query: 112 products of two add up in 32 bits."""
 
 SAMPLE = 1000
 """Sequences from which axes and steps are taken."""
@@ -99,9 +100,9 @@ class PoseCodes:
             words: (S,) uint64 bits of the frames that are looked at.
 
         Returns:
-            (S,) float64 bounds from below and above, 0 where it may be 0, and infinite where no frame is
-            looked at; and (S,) uint64 bits of the frames that may have it. The bound from above leaves out
-            distances that may be 0.
+            (S,) float64 bounds from below and above; and (S,) uint64 bits of the frames that may have it.
+            Where the distance may be 0, the bound from below is 0, and that from above leaves this distance
+            out. Where no frame is looked at, the bounds mean nothing.
         """
         turned, square = query @ self._axes, query @ query
         tail, fine_tail = (2 * _UP * (_tail(square, turned[:axes]) + 1e-6) for axes in (AXES, FINE_AXES))
@@ -118,7 +119,7 @@ class PoseCodes:
 
 
 class FrameCodes:
-    """The frames of all sequences in 12 bits and their sign; features are stacked when they are read.
+    """The frames of all sequences in 16-bit numbers; features are stacked when they are read.
 
     Even and odd frames lie apart, so that those of a feature lie side by side.
 

@@ -1,4 +1,4 @@
-"""Who wins a search: from bounds of distances to bounds of ranks, and in full only where that leaves doubt."""
+"""Who wins a search: bounds of distances give bounds of ranks; where they leave doubt, it is looked up."""
 
 from dataclasses import dataclass, field
 

@@ -62,7 +62,7 @@ class Stream:
 
     def release(self) -> None:
         """Give what has been read of a mapped file back to the system; it is read again when it is needed."""
-        base = self.frames
+        base: object = self.frames
         while isinstance(base, np.ndarray):
             base = base.base
         if isinstance(base, mmap.mmap):

@@ -1,4 +1,4 @@
-// The loops of the fast search. kernels.py says what each is for, codes.py what the codes are.
+// The loops of the fast search; kernels.py calls them, and codes.py says what the codes are.
 //
 // Compiled twice, the second time for processors with AVX2, where that exists.
 
@@ -162,8 +162,7 @@ struct Frames {
     return roots(middle - q.rounding, middle + q.rounding, error);
   }
 
-  void scan(int64_t sequences, const uint64_t* words, double* near, double* far,
-                   uint64_t* frames) const {
+  void scan(int64_t sequences, const uint64_t* words, double* near, double* far, uint64_t* frames) const {
     for (int64_t s = 0; s < sequences; s++) {
       near[s] = far[s] = FAR;
       frames[s] = 0;
@@ -211,7 +210,7 @@ struct Stream {
   const double* deviations;
   int64_t numbers, stacked;
 
-  // Calls act(number of the feature, place in the feature) for the feature that begins at a row.
+  // Calls act(number, place) for each number of the feature that begins at a row.
   template <class Do>
   INLINE void feature(int64_t row, Do&& act) const {
     for (int64_t o = 0, place = 0; o < stacked; o++) {
@@ -223,7 +222,10 @@ struct Stream {
 
   double euclidean(int64_t row, const double* query) const {
     double sum = 0;
-    feature(row, [&](double number, int64_t place) { sum += (number - query[place]) * (number - query[place]); });
+    feature(row, [&](double number, int64_t place) {
+      const double difference = number - query[place];
+      sum += difference * difference;
+    });
     return std::sqrt(sum);
   }
 
@@ -234,7 +236,8 @@ struct Stream {
       square += number * number;
       query_square += query[place] * query[place];
     });
-    const double length = std::max(std::sqrt(square), 1e-12), query_length = std::max(std::sqrt(query_square), 1e-12);
+    const double length = std::max(std::sqrt(square), 1e-12);
+    const double query_length = std::max(std::sqrt(query_square), 1e-12);
     return (square / (length * length) + query_square / (query_length * query_length)) / 2 -
            product / (length * query_length);
   }
@@ -272,8 +275,8 @@ extern "C" void eligible_words(const uint8_t* mask, int64_t sequences, uint64_t*
 
 // A first pass bounds all distances by the coarse codes. A second one takes the fine code of the frame that
 // seems nearest, and then of those that the coarse codes cannot tell from it.
-extern "C" void scan_poses(const PoseCodes* codes, const PoseQuery* query, int64_t sequences, const uint64_t* words,
-                           double* near, double* far, uint64_t* frames) {
+extern "C" void scan_poses(const PoseCodes* codes, const PoseQuery* query, int64_t sequences,
+                           const uint64_t* words, double* near, double* far, uint64_t* frames) {
   const PoseCodes c = *codes;
   const PoseQuery q = *query;
   float dots[BLOCK][WINDOWS], lows[BLOCK][WINDOWS];
@@ -290,10 +293,7 @@ extern "C" void scan_poses(const PoseCodes* codes, const PoseQuery* query, int64
         dot[f] = q.square - sums[f] * q.step;
         low[f] = c.squares[s * WINDOWS + f] + dot[f] - (c.tails[s * WINDOWS + f] * q.tail + q.rounding);
       }
-      if (~word << 7) // some of the 57 windows are not looked at
-        for (int f = 0; f < WINDOWS; f++) low[f] = word >> f & 1 ? low[f] : NEVER;
-      else
-        std::fill(low + 57, low + WINDOWS, NEVER);
+      for (int f = 0; f < WINDOWS; f++) low[f] = word >> f & 1 ? low[f] : NEVER;
       for (int f = 0; f < WINDOWS; f++) lowest = std::min(lowest, low[f]);
       firsts[s - begin] = __builtin_ctzll(at_most(low, lowest));
       prefetch(c.fine + s * WINDOWS + std::max(firsts[s - begin] - 2, 0), 5 * sizeof(FineCode));
@@ -335,10 +335,11 @@ extern "C" void compare_poses(const FrameCodes* codes, const FrameQuery* query, 
   Poses{*codes, *query}.compare(sequences, frames, near, far);
 }
 
-// Takes the distances of some sequences in double precision: of their frames those stay that may be nearest.
-extern "C" void refine(const Stream* chosen, const double* query, double* near, double* far, const Stream* other,
-                       const double* other_query, double* other_near, double* other_far, const int64_t* starts,
-                       const int64_t* sequences, int64_t count, uint64_t* frames) {
+// Bounds the distances of some sequences in double precision. Of their frames, those stay that may be nearest.
+extern "C" void refine(const Stream* chosen, const double* query, double* near, double* far,
+                       const Stream* other, const double* other_query, double* other_near,
+                       double* other_far, const int64_t* starts, const int64_t* sequences, int64_t count,
+                       uint64_t* frames) {
   for (int64_t i = 0; i < count; i++) {
     const int64_t s = sequences[i];
     double distances[WINDOWS], nearest = FAR;
@@ -346,10 +347,11 @@ extern "C" void refine(const Stream* chosen, const double* query, double* near, 
       distances[f] = chosen->distance(starts[s] + f, query);
       nearest = std::min(nearest, distances[f]);
     });
-    near[s] = nearest - ROUNDING * (1 + nearest);
-    far[s] = nearest + ROUNDING * (1 + nearest);
+    const double error = ROUNDING * (1 + nearest);
+    near[s] = nearest - error;
+    far[s] = nearest + error;
     uint64_t left = 0;
-    each(frames[s], [&](int f) { left |= uint64_t(distances[f] <= far[s] + ROUNDING * (1 + nearest)) << f; });
+    each(frames[s], [&](int f) { left |= uint64_t(distances[f] <= nearest + 2 * error) << f; });
     frames[s] = left;
     if (!other) continue;
     other_near[s] = FAR;
@@ -362,8 +364,8 @@ extern "C" void refine(const Stream* chosen, const double* query, double* near, 
   }
 }
 
-// Lists the sequences that may have one of the k smallest sums of ranks, and returns how many there are. In the
-// histograms of each of one or two distances, all that certainly or possibly lie below another one are counted.
+// Lists the sequences that may have one of the k smallest sums of the ranks of one or two distances, and returns
+// how many there are. Histograms count those that lie below another one for certain, and those that may.
 extern "C" int64_t list_contenders(int64_t k, int64_t sequences, const uint64_t* frames, const double* near,
                                    const double* far, const double* other_near, const double* other_far,
                                    int32_t* fewest, int64_t* contenders) {
@@ -380,7 +382,9 @@ extern "C" int64_t list_contenders(int64_t k, int64_t sequences, const uint64_t*
       largest = std::max(largest, low[s]);
     }
     const double scale = (BINS - 1) / std::max(largest - smallest, 1e-30);
-    const auto bin = [=](double distance) { return int(std::min((distance - smallest) * scale, BINS - 1.)); };
+    const auto bin = [=](double distance) {
+      return int(std::min((distance - smallest) * scale, BINS - 1.));
+    };
     int32_t begun[BINS] = {}, over[BINS + 1] = {};
     for (int64_t s = 0; s < sequences; s++) {
       if (!frames[s]) continue;

@@ -6,31 +6,29 @@ of its frames, one bit each. Where that is empty, the sequence is out, and its b
 
 import ctypes
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 AXES, FINE_AXES = 24, 48
 """Principal axes that the coarse and the fine code of a pose keep; as in kernels.cpp."""
 
-FINE_CODE = np.dtype([("numbers", np.int8, FINE_AXES), ("square", np.float32), ("tail", np.float32)])
+
+def _record(*members: tuple, floats: str) -> np.dtype:
+    """A C structure that ends with numbers in single precision."""
+    return np.dtype([*members, *((name, np.float32) for name in floats.split())])
+
+
+FINE_CODE = _record(("numbers", np.int8, FINE_AXES), floats="square tail")
 """The fine code of a window."""
 
-
-def _numbers(names: str) -> list[tuple[str, type]]:
-    return [(name, np.float32) for name in names.split()]
-
-
-POSE_QUERY = np.dtype(
-    [
-        ("weights", np.int16, AXES),
-        ("fine_weights", np.int16, FINE_AXES),
-        *_numbers("step fine_step tail fine_tail square error rounding"),
-    ]
+POSE_QUERY = _record(
+    ("weights", np.int16, AXES),
+    ("fine_weights", np.int16, FINE_AXES),
+    floats="step fine_step tail fine_tail square error rounding",
 )
 """A pose query in numbers that fit the codes of poses."""
 
-FRAME_QUERY = np.dtype([("weights", np.int16, 112), *_numbers("step square error rounding")])
+FRAME_QUERY = _record(("weights", np.int16, 112), floats="step square error rounding")
 """A query in numbers that fit the codes of frames."""
 
 

@@ -32,7 +32,7 @@ class Keyframe(Strict):
         head: How the head is turned.
     """
 
-    time: float
+    time: float = Field(ge=-5, le=15)
     hold: float = Field(0.0, ge=0, le=5)
     left: NamedArmPose | None = None
     right: NamedArmPose | None = None

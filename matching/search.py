@@ -26,7 +26,7 @@ POSITIONS = SEQUENCE - WINDOW + 1
 """Frames of a sequence at which a window can begin."""
 
 KEPT = 2000
-"""After so many sequences were compared in full, what was read of a mapped file is given back to the system."""
+"""Of a mapped file, what was read for so many sequences is kept in memory before it is given back."""
 
 
 @dataclass(frozen=True)
@@ -177,9 +177,10 @@ class Search:
 
         winner = contest.winner(min(k, candidates))
         frame = int(contest.frame[winner])
-        distances = [float(by.exact(np.array([self.row(winner, frame)]))[0]) for by in (pose, audio)]
+        row = np.array([self.row(winner, frame)])
+        match = Match(winner, frame, float(pose.exact(row)[0]), float(audio.exact(row)[0]), candidates)
         self._compared += contest.compared
         if self._compared > KEPT:
             self._poses.release()
             self._compared = 0
-        return Match(winner, frame, *distances, candidates)
+        return match

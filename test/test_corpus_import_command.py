@@ -149,12 +149,12 @@ def test_a_sound_that_was_added_is_heard(folder, tmp_path):
     assert before.part != after.part
 
 
-def test_a_name_that_is_no_text_does_not_stop_the_others(tmp_path, capsys):
+def test_a_name_that_is_no_text_does_not_stop_the_others(tmp_path, capfd):
     record(tmp_path / "x.bvh")
     for ending in (b".bvh", b".wav"):
         shutil.copy(os.fsencode(tmp_path) + b"/x" + ending, os.fsencode(tmp_path) + b"/\xff" + ending)
     assert build(tmp_path, "-o", tmp_path / "own.safetensors", "--workers", 1) == 0
-    assert "of 2 files" in capsys.readouterr().out
+    assert "of 2 files" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize("rate", [12, 30, 120])

@@ -64,6 +64,7 @@ def test_yes_and_no_are_words(tmp_path):
         ("right: salute", "right: saluet", r"line 13: .*right: is no pose: one of .*chest.*salute.*saluet"),
         ("time: 0.4", "time: 0.1", r"line 8: .*0.1 s must come after .* 0.0 s, .* held for 0.2 s"),
         ("time: 0.0", "time: 0.1", r"line 8: .*the stroke, time 0"),
+        ("time: 0.4", "time: 400", r"line 12: .*keyframes\.1\.time: .*less than.* 15 .*got 400"),
         ("hold: 0.2", "hold: long", r"line 10: .*keyframes\.0\.hold: .*number.*long"),
         ("ahoy", "Ahoy", r"line 6: .*triggers\.0.*lower-case.*Ahoy"),
         ("ahoy", "12", r"line 6: .*triggers\.0.*string.*got 12"),
