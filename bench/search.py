@@ -23,7 +23,6 @@ from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.matching.features import poses, sounds
-from gesture_bot.matching.kernels import FINE_CODE
 from gesture_bot.matching.reference import Reference
 from gesture_bot.matching.search import POSITIONS, PRESELECTIONS, Search, eligible, ranks_of
 
@@ -185,12 +184,11 @@ def main() -> None:
 
 
 def bytes_touched(search: Search, sequences: int) -> int:
-    """What a search must read: the coarse codes in whole, and fine and sound codes of the windows left."""
+    """What a search must read: the codes of all poses, and of the sounds of windows that may be nearest."""
     codes, every = search._pose_codes, np.full(sequences, 2**POSITIONS - 1, np.uint64)
     frames = codes.nearest(search.pose_at(0), every)[2]
     windows = int(np.unpackbits(frames.view(np.uint8)).sum())
-    coarse = (codes.coarse, codes.squares, codes.tails, codes.errors)
-    return sum(array.nbytes for array in coarse) + windows * (FINE_CODE.itemsize + 2 * 112 + 4)
+    return codes.codes.nbytes + codes.squares.nbytes + codes.errors.nbytes + windows * (2 * 112 + 4)
 
 
 def read_bandwidth() -> float:

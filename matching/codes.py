@@ -13,13 +13,13 @@ from tqdm import tqdm
 from gesture_bot.corpus.database import SEQUENCE
 from gesture_bot.matching import kernels
 from gesture_bot.matching.features import Stream, cosine_distance, unit_rows
-from gesture_bot.matching.kernels import AXES, FINE_AXES, FINE_CODE, FRAME_QUERY, POSE_QUERY
+from gesture_bot.matching.kernels import FRAME_QUERY, POSE_QUERY
 
 LEVELS = 4095
 """Largest code of a number of a frame or of a query: 112 products of two add up in 32 bits."""
 
-SAMPLE = 1000
-"""Sequences from which axes and steps are taken."""
+SAMPLE = 100_000
+"""Frames from which steps are taken."""
 
 TOGETHER = 512
 """Sequences that are coded at once."""
@@ -32,11 +32,10 @@ _UP = 1.00001
 
 
 class PoseCodes:
-    """The pose features of all windows, turned to their principal axes, which keeps Euclidean distances.
+    """The poses of all sequences in bytes; features are stacked when they are read.
 
-    The coarse code rounds the first AXES numbers to bytes. The fine code does so with the first FINE_AXES; of
-    those that the coarse code holds, it rounds what that lost. What lies on the other axes is the tail: of it
-    only the length is kept, which bounds its product with another tail (Cauchy and Schwarz).
+    The numbers of a pose lie in pairs, those of all 64 frames together: this is the order in which one
+    instruction multiplies and adds sixteen of them.
 
     Args:
         stream: Poses.
@@ -44,53 +43,23 @@ class PoseCodes:
     """
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
-        windows = np.arange(SEQUENCE)
-        features = stream.at((starts[:: -(-len(starts) // SAMPLE), None] + windows).ravel())
-        self._axes = np.linalg.eigh(features.T @ features)[1][:, : -FINE_AXES - 1 : -1].copy()
-        turned, squares = features @ self._axes, (features**2).sum(axis=1)
-        self._fine_steps = np.maximum(np.abs(turned).max(axis=0), 1e-9) / 127
-        self._steps = self._fine_steps[:AXES].copy()
-        self._fine_steps[:AXES] /= 254
-        self._tail_step = _tail(squares, turned[:, :AXES]).max() / 250 + 1e-9
-
-        count, self._largest = len(starts), 0.0
-        self.coarse = np.empty((count, AXES // 2, SEQUENCE, 2), np.int8)
+        self._steps = _largest(stream) / 127
+        count, self._greatest = len(starts), 0.0
+        # The last shifted read ends a little after the last sequence.
+        numbers = len(stream.columns)
+        self.codes = np.zeros((count + 1, numbers // 2, SEQUENCE, 2), np.int8)
         self.squares = np.empty((count, SEQUENCE), np.float32)
-        self.tails = np.empty((count, SEQUENCE), np.uint8)
         self.errors = np.empty(count, np.float32)
-        self.fine = np.empty((count, SEQUENCE), FINE_CODE)
-        self.fine_errors = np.empty(count, np.float32)
-        for part in _parts(count, stream, "poses"):
-            features = stream.at((starts[part, None] + windows).ravel())
-            self._code(part, features.reshape(-1, SEQUENCE, features.shape[1]))
-        self._codes = kernels.addresses(
-            self.coarse, self.squares, self.tails, self.errors, self.fine, self.fine_errors
-        )
-
-    def _code(self, part: slice, features: np.ndarray) -> None:
-        turned, squares = features @ self._axes, (features**2).sum(axis=-1)
-        self._largest = max(self._largest, float(squares.max()))
-
-        head = turned[..., :AXES]
-        coarse = _rounded(head, self._steps)
-        kept = coarse * self._steps
-        tail = _tail(squares, head)
-        tails = np.minimum(np.ceil(tail / self._tail_step), 255)
-        short = np.minimum(tail, 255 * self._tail_step)  # what is left of a tail too long for a byte is lost
-        self.coarse[part] = coarse.reshape(-1, SEQUENCE, AXES // 2, 2).transpose(0, 2, 1, 3)
-        self.squares[part] = (kept**2).sum(axis=-1) + short**2
-        self.tails[part] = tails
-        self.errors[part] = _largest_length(((head - kept) ** 2).sum(axis=-1) + (tail - short) ** 2)
-
-        rest = turned.copy()
-        rest[..., :AXES] -= kept
-        fine = _rounded(rest, self._fine_steps)
-        lost = rest - fine * self._fine_steps
-        tail = _tail(squares, turned)
-        self.fine["numbers"][part] = fine
-        self.fine["square"][part] = ((turned - lost) ** 2).sum(axis=-1) + tail**2
-        self.fine["tail"][part] = _UP * tail
-        self.fine_errors[part] = _largest_length((lost**2).sum(axis=-1))
+        for part, frames in _parts(stream, starts):
+            rounded = _rounded(frames, self._steps, 127)
+            codes = rounded[:, :SEQUENCE].reshape(-1, SEQUENCE, numbers // 2, 2)
+            self.codes[part.start : part.start + len(codes)] = codes.transpose(0, 2, 1, 3)
+            squares = _stacked((rounded * self._steps) ** 2, stream.offsets)
+            losses = _stacked((frames - rounded * self._steps) ** 2, stream.offsets)
+            self.squares[part] = squares
+            self.errors[part] = _UP * np.sqrt(losses.max(axis=1))
+            self._greatest = max(self._greatest, float(squares.max()))
+        self._codes = kernels.addresses(self.codes, self.squares, self.errors)
 
     def nearest(self, query: np.ndarray, words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Bounds of the smallest distance from a query (96,) in each sequence, and where it may be.
@@ -104,18 +73,13 @@ class PoseCodes:
             Where the distance may be 0, the bound from below is 0, and that from above leaves this distance
             out. Where no frame is looked at, the bounds mean nothing.
         """
-        turned, square = query @ self._axes, query @ query
-        tail, fine_tail = (2 * _UP * (_tail(square, turned[:axes]) + 1e-6) for axes in (AXES, FINE_AXES))
-        # Where the weights of the coarse code are rounded, the query is another one, and not far.
-        weights, step = _whole(2 * self._steps * turned[:AXES], 32767)
-        head = weights * step / (2 * self._steps)
-        square += head @ head - turned[:AXES] @ turned[:AXES]
-        error = _UP * np.sqrt(((head - turned[:AXES]) ** 2).sum())
-        fine_weights, fine_step = _whole(2 * self._fine_steps * np.append(head, turned[AXES:]), 32767)
-        rounding = ROUNDING * (self._largest + square) + 127 / 2 * FINE_AXES * fine_step
-        tails = tail * self._tail_step, fine_tail
-        numbers = weights, fine_weights, step, fine_step, *tails, square, error, rounding
-        return kernels.nearest("poses", self._codes, np.array(numbers, POSE_QUERY), words)
+        weights = query.reshape(-1, len(self._steps)) * self._steps
+        whole, step = _whole(weights, 32767)
+        rounded = whole * step / self._steps
+        square, error = (rounded**2).sum(), _UP * np.linalg.norm(rounded.ravel() - query)
+        rounding = ROUNDING * (self._greatest + square)
+        numbers = np.array((whole, 2 * step, square, error, rounding), POSE_QUERY)
+        return kernels.nearest("poses", self._codes, numbers, words)
 
 
 class FrameCodes:
@@ -130,20 +94,18 @@ class FrameCodes:
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
         self._cosine = stream.distance is cosine_distance
-        sample = stream.z_scored(stream.frames[:: -(-len(stream.frames) // (SAMPLE * SEQUENCE))])
-        self._step = float(np.abs(sample).max()) / LEVELS
-        count, self._largest = len(starts), 0.0
-        frames = SEQUENCE + int(stream.offsets[-1])
-        self.codes = np.empty((count, 2, frames // 2, sample.shape[1]), np.int16)
+        self._step = float(_largest(stream).max()) / LEVELS
+        count, self._greatest = len(starts), 0.0
+        reach, numbers = int(stream.offsets[-1]), len(stream.columns)
+        self.codes = np.empty((count, 2, (SEQUENCE + reach) // 2, numbers), np.int16)
         self.lengths = np.empty((count, SEQUENCE), np.float32)
         self.errors = np.empty(count, np.float32)
-        for part in _parts(count, stream, "frames"):
-            numbers = stream.z_scored(stream.frames[starts[part, None] + np.arange(frames)])
-            rounded = _rounded(numbers, self._step, LEVELS)
-            self.codes[part] = rounded.reshape(len(rounded), -1, 2, sample.shape[1]).transpose(0, 2, 1, 3)
+        for part, frames in _parts(stream, starts):
+            rounded = _rounded(frames, self._step, LEVELS)
+            self.codes[part] = rounded.reshape(len(rounded), -1, 2, numbers).transpose(0, 2, 1, 3)
             lengths = np.sqrt(_stacked((rounded * self._step) ** 2, stream.offsets))
-            losses = np.sqrt(_stacked((numbers - rounded * self._step) ** 2, stream.offsets))
-            self._largest = max(self._largest, float(lengths.max()))
+            losses = np.sqrt(_stacked((frames - rounded * self._step) ** 2, stream.offsets))
+            self._greatest = max(self._greatest, float(lengths.max()))
             if self._cosine:
                 # Of unit vectors, the loss is at most 2 * loss / (both lengths), and never more than 2.
                 losses = np.minimum(losses / np.maximum(lengths - losses / 2, 1e-9), 2)
@@ -169,36 +131,35 @@ class FrameCodes:
         rounded = whole * step
         error = _UP * np.sqrt(((query - rounded) ** 2).sum())
         square = query @ query if self._cosine else rounded @ rounded
-        rounding = ROUNDING * (1.0 if self._cosine else self._largest**2 + square)
+        rounding = ROUNDING * (1.0 if self._cosine else self._greatest**2 + square)
         weights = np.zeros(112, np.int16)
         weights[: len(whole)] = whole
         return np.array((weights, step * self._step, square, error, rounding), FRAME_QUERY)
 
 
-def _parts(count: int, stream: Stream, what: str) -> Iterator[slice]:
-    """Parts of so many sequences; what was read for one is released before the next."""
-    for begin in tqdm(range(0, count, TOGETHER), f"indexing {what}", leave=False, delay=3):
-        yield slice(begin, begin + TOGETHER)
+def _largest(stream: Stream) -> np.ndarray:
+    """(d,) what nearly all z-scored numbers of a stream keep within; the few others are clipped."""
+    frames = stream.frames[:: -(-len(stream.frames) // SAMPLE)]
+    return np.maximum(np.quantile(np.abs(stream.z_scored(frames)), 0.9999, axis=0), 1e-3)
+
+
+def _parts(stream: Stream, starts: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    """Parts of the sequences, with their z-scored frames (s, 64 + reach of a feature, d)."""
+    frames = np.arange(SEQUENCE + stream.offsets[-1])
+    for begin in tqdm(range(0, len(starts), TOGETHER), "indexing the database", leave=False, delay=3):
+        part = slice(begin, begin + TOGETHER)
+        yield part, stream.z_scored(stream.frames[starts[part, None] + frames])
         stream.release()
 
 
-def _rounded(numbers: np.ndarray, steps: np.ndarray | float, levels: int = 127) -> np.ndarray:
-    return np.clip(np.rint(numbers / steps), -levels, levels).astype(np.int8 if levels < 128 else np.int16)
+def _rounded(numbers: np.ndarray, steps: np.ndarray | float, levels: int) -> np.ndarray:
+    return np.clip(np.rint(numbers / steps), -levels, levels).astype(np.int16)
 
 
 def _whole(numbers: np.ndarray, levels: int) -> tuple[np.ndarray, float]:
     """Whole numbers from -levels to levels, and their step."""
     step = max(float(np.abs(numbers).max()), 1e-9) / levels
     return np.rint(numbers / step).astype(np.int16), step
-
-
-def _tail(squares: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Length of what is left of vectors of some squared length beyond the numbers (..., a) that are kept."""
-    return np.sqrt(np.maximum(squares - (kept**2).sum(axis=-1), 0))
-
-
-def _largest_length(squares: np.ndarray) -> np.ndarray:
-    return _UP * np.sqrt(squares.max(axis=-1))
 
 
 def _stacked(numbers: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -53,7 +53,7 @@ class Contest:
 
     def __init__(self, starts: np.ndarray, frames: np.ndarray, chosen: Distances) -> None:
         self._starts, self._frames, self._chosen = starts, frames, chosen
-        self._refined, self._settled = np.zeros((2, len(starts)), bool)
+        self._refined, self._settled = np.zeros(len(starts), np.uint8), np.zeros(len(starts), bool)
         self.ranked = [chosen]
         self.frame = np.zeros(len(starts), np.int64)
 
@@ -76,14 +76,18 @@ class Contest:
 
     def winner(self, k: int) -> int:
         """The sequence with the k-th smallest sum of ranks; there must be as many."""
-        self._refine(self._contenders(k))
+        everything = np.uint8(2 ** len(self.ranked) - 1)
+        wanted = np.zeros(len(self._frames), np.uint8)
+        wanted[self._contenders(k)] = everything
+        self._refine(wanted)
         self._refine(self._crossing(self._contenders(k)))
+
         # What double precision cannot tell apart is compared as the reference does it.
         contenders = self._contenders(k)
         self._settle(contenders)
         if len(contenders) == 1:
             return int(contenders[0])
-        self._settle(self._crossing(contenders))
+        self._settle(np.flatnonzero(self._crossing(contenders)))
 
         sums = np.zeros(len(self._frames), np.int64)
         for by in self.ranked:
@@ -113,37 +117,28 @@ class Contest:
         return contenders[:count]
 
     def _crossing(self, contenders: np.ndarray) -> np.ndarray:
-        """The sequences that some contender may or may not precede, the contenders among them."""
-        crossed = np.zeros(len(self._frames), bool)
-        for by in self.ranked:
+        """(S,) uint8 bits of the distances whose bounds meet those of a contender: that rank is open."""
+        crossed = np.zeros(len(self._frames), np.uint8)
+        for place, by in enumerate(self.ranked):
             lows, highs = np.sort(by.near[contenders]), np.sort(by.far[contenders])
-            kernels.call(
-                "mark_crossing",
-                lows,
-                highs,
-                len(lows),
-                by.near,
-                by.far,
-                len(crossed),
-                self._frames,
-                crossed,
-            )
-        return np.flatnonzero(crossed)
+            intervals = lows, highs, len(lows)
+            bounds = by.near, by.far, len(crossed)
+            kernels.call("mark_crossing", *intervals, *bounds, self._frames, 1 << place, crossed)
+        return crossed
 
-    def _refine(self, sequences: np.ndarray) -> None:
-        """Bound the distances of some sequences in double precision."""
-        sequences = sequences[~self._refined[sequences]]
-        self._refined[sequences] = True
-        chosen, *others = self.ranked
-        other = others[0].arguments() if others else (None, None, None, None)
-        kernels.call(
-            "refine", *chosen.arguments(), *other, self._starts, sequences, len(sequences), self._frames
-        )
+    def _refine(self, wanted: np.ndarray) -> None:
+        """Bound distances in double precision: those of the bits (S,), as in _crossing, unless they are."""
+        wanted = wanted & ~self._refined
+        self._refined |= wanted
+        sequences = np.flatnonzero(wanted)
+        arguments: list[np.ndarray | None] = [one for by in self.ranked for one in by.arguments()]
+        arguments += [None] * (8 - len(arguments))
+        kernels.call("refine", *arguments, self._starts, sequences, len(sequences), wanted, self._frames)
 
     def _settle(self, sequences: np.ndarray) -> None:
         """Compare some sequences in full."""
         sequences = sequences[~self._settled[sequences]]
-        self._settled[sequences] = self._refined[sequences] = True
+        self._settled[sequences] = True
         self.choose(sequences)
         for by in self.ranked[1:]:
             by.know(sequences, by.exact(self._starts[sequences] + self.frame[sequences]))

@@ -15,29 +15,20 @@
 namespace {
 
 constexpr int WINDOWS = 64;
-constexpr int AXES = 24;
-constexpr int FINE_AXES = 48;
+constexpr int POSE = 24, STACK = 4;  // numbers of a pose, and poses of a feature
 constexpr int BLOCK = 8;        // sequences whose memory is asked for ahead
 constexpr float NEVER = 1e30f;  // more than any distance and its square
 constexpr double FAR = 1e300;   // of a sequence that is out
 
-struct FineCode {
-  int8_t numbers[FINE_AXES];
-  float square, tail;
-};
-
 struct PoseCodes {
-  const int8_t* coarse;      // (S, AXES / 2, 64, 2)
-  const float* squares;      // (S, 64)
-  const uint8_t* tails;      // (S, 64)
-  const float* errors;       // (S,)
-  const FineCode* fine;      // (S, 64)
-  const float* fine_errors;  // (S,)
+  const int8_t* codes;   // (S, POSE / 2, 64, 2)
+  const float* squares;  // (S, 64)
+  const float* errors;   // (S,)
 };
 
 struct PoseQuery {
-  int16_t weights[AXES], fine_weights[FINE_AXES];
-  float step, fine_step, tail, fine_tail, square, error, rounding;
+  int16_t weights[STACK][POSE];
+  float step, square, error, rounding;
 };
 
 struct FrameCodes {
@@ -55,8 +46,8 @@ struct Bounds {
   float low, high;
 };
 
-template <int COUNT, class Code>
-INLINE int32_t product(const Code* codes, const int16_t* weights) {
+template <int COUNT>
+INLINE int32_t product(const int16_t* codes, const int16_t* weights) {
   int32_t sum = 0;
   for (int i = 0; i < COUNT; i++) sum += int32_t(codes[i]) * weights[i];
   return sum;
@@ -96,28 +87,33 @@ struct Smallest {
   }
 };
 
-// Products of a sequence's coarse codes and a query's weights, one a window.
+// Products of the features of a sequence with a query, one a window. The codes of a pair of numbers lie side
+// by side for all frames, so that a feature's later poses are the same codes, read some frames on.
 #ifdef __AVX2__
-INLINE void products(const int8_t* codes, const int16_t* weights, int32_t* sums) {
+INLINE void products(const int8_t* codes, const int16_t (*weights)[POSE], int32_t* sums) {
   __m256i eights[WINDOWS / 8] = {};
-  for (int a = 0; a < AXES; a += 2) {
-    int32_t pair;
-    std::memcpy(&pair, weights + a, sizeof pair);
-    const __m256i both = _mm256_set1_epi32(pair);
-    for (__m256i& eight : eights) {
-      const __m128i sixteen = _mm_loadu_si128(reinterpret_cast<const __m128i*>(codes));
-      eight = _mm256_add_epi32(eight, _mm256_madd_epi16(_mm256_cvtepi8_epi16(sixteen), both));
-      codes += 16;
+  for (int a = 0; a < POSE; a += 2, codes += 2 * WINDOWS)
+    for (int o = 0; o < STACK; o++) {
+      int32_t pair;
+      std::memcpy(&pair, &weights[o][a], sizeof pair);
+      const __m256i both = _mm256_set1_epi32(pair);
+      for (int g = 0; g < WINDOWS / 8; g++) {
+        const __m128i sixteen = _mm_loadu_si128(reinterpret_cast<const __m128i*>(codes + 16 * g + 4 * o));
+        const __m256i products = _mm256_madd_epi16(_mm256_cvtepi8_epi16(sixteen), both);
+        eights[g] = _mm256_add_epi32(eights[g], products);
+      }
     }
-  }
   std::memcpy(sums, eights, sizeof eights);
 }
 #else
-INLINE void products(const int8_t* codes, const int16_t* weights, int32_t* sums) {
+INLINE void products(const int8_t* codes, const int16_t (*weights)[POSE], int32_t* sums) {
   std::fill(sums, sums + WINDOWS, 0);
-  for (int a = 0; a < AXES; a += 2, codes += 2 * WINDOWS)
-    for (int f = 0; f < WINDOWS; f++)
-      sums[f] += codes[2 * f] * weights[a] + codes[2 * f + 1] * weights[a + 1];
+  for (int a = 0; a < POSE; a += 2, codes += 2 * WINDOWS)
+    for (int o = 0; o < STACK; o++)
+      for (int f = 0; f < WINDOWS; f++) {
+        const int8_t* pair = codes + 2 * f + 4 * o;
+        sums[f] += pair[0] * weights[o][a] + pair[1] * weights[o][a + 1];
+      }
 }
 #endif
 
@@ -210,6 +206,8 @@ struct Stream {
   const double* deviations;
   int64_t numbers, stacked;
 
+  void ask_for(int64_t row) const { prefetch(frames + row * width, int((2 * stacked - 1) * width * 4)); }
+
   // Calls act(number, place) for each number of the feature that begins at a row.
   template <class Do>
   INLINE void feature(int64_t row, Do&& act) const {
@@ -273,50 +271,29 @@ extern "C" void eligible_words(const uint8_t* mask, int64_t sequences, uint64_t*
   }
 }
 
-// A first pass bounds all distances by the coarse codes. A second one takes the fine code of the frame that
-// seems nearest, and then of those that the coarse codes cannot tell from it.
+// The smallest distance of each sequence, from all of them at once.
 extern "C" void scan_poses(const PoseCodes* codes, const PoseQuery* query, int64_t sequences,
                            const uint64_t* words, double* near, double* far, uint64_t* frames) {
   const PoseCodes c = *codes;
   const PoseQuery q = *query;
-  float dots[BLOCK][WINDOWS], lows[BLOCK][WINDOWS];
-  int firsts[BLOCK];
-  for (int64_t begin = 0; begin < sequences; begin += BLOCK) {
-    const int64_t end = std::min(begin + BLOCK, sequences);
-    for (int64_t s = begin; s < end; s++) {
-      const uint64_t word = words[s];
-      if (!word) continue;
-      float *dot = dots[s - begin], *low = lows[s - begin], lowest = NEVER;
-      int32_t sums[WINDOWS];
-      products(c.coarse + s * AXES * WINDOWS, q.weights, sums);
-      for (int f = 0; f < WINDOWS; f++) {
-        dot[f] = q.square - sums[f] * q.step;
-        low[f] = c.squares[s * WINDOWS + f] + dot[f] - (c.tails[s * WINDOWS + f] * q.tail + q.rounding);
-      }
-      for (int f = 0; f < WINDOWS; f++) low[f] = word >> f & 1 ? low[f] : NEVER;
-      for (int f = 0; f < WINDOWS; f++) lowest = std::min(lowest, low[f]);
-      firsts[s - begin] = __builtin_ctzll(at_most(low, lowest));
-      prefetch(c.fine + s * WINDOWS + std::max(firsts[s - begin] - 2, 0), 5 * sizeof(FineCode));
+  for (int64_t s = 0; s < sequences; s++) {
+    near[s] = far[s] = FAR;
+    frames[s] = words[s];
+    if (!words[s]) continue;
+    int32_t sums[WINDOWS];
+    products(c.codes + s * POSE * WINDOWS, q.weights, sums);
+    float squares[WINDOWS], smallest = NEVER;
+    for (int f = 0; f < WINDOWS; f++) {
+      const float square = c.squares[s * WINDOWS + f] + q.square - sums[f] * q.step;
+      squares[f] = words[s] >> f & 1 ? square : NEVER;
     }
-    for (int64_t s = begin; s < end; s++) {
-      near[s] = far[s] = FAR;
-      frames[s] = 0;
-      if (!words[s]) continue;
-      Smallest smallest;
-      const auto look = [&](int f) __attribute__((always_inline)) {
-        const FineCode& code = c.fine[s * WINDOWS + f];
-        const float dot = product<FINE_AXES>(code.numbers, q.fine_weights) * q.fine_step;
-        const float middle = code.square + dots[s - begin][f] - dot;
-        const float spread = code.tail * q.fine_tail + q.rounding;
-        smallest.add(f, roots(middle - spread, middle + spread, c.fine_errors[s] + q.error));
-      };
-      const int first = firsts[s - begin];
-      look(first);
-      const float limit = smallest.far + c.errors[s] + q.error;
-      const uint64_t left = at_most(lows[s - begin], std::min(limit * limit, NEVER / 2));
-      each(left & ~(uint64_t(1) << first), look);
-      smallest.store(left | uint64_t(1) << first, near[s], far[s], frames[s]);
-    }
+    for (int f = 0; f < WINDOWS; f++) smallest = std::min(smallest, squares[f]);
+    const Bounds bounds = roots(smallest - q.rounding, smallest + q.rounding, c.errors[s] + q.error);
+    near[s] = std::max(bounds.low, 0.f);
+    if (bounds.low <= 0) continue;  // it may be 0 and skipped: any other frame may be the nearest
+    far[s] = bounds.high;
+    const float limit = bounds.high + c.errors[s] + q.error;
+    frames[s] = at_most(squares, limit * limit + q.rounding);
   }
 }
 
@@ -335,37 +312,47 @@ extern "C" void compare_poses(const FrameCodes* codes, const FrameQuery* query, 
   Poses{*codes, *query}.compare(sequences, frames, near, far);
 }
 
-// Bounds the distances of some sequences in double precision. Of their frames, those stay that may be nearest.
+// Bounds distances of some sequences in double precision: of their frames, those stay that may be nearest.
+// What is wanted of a sequence are CHOSEN distances, by which frames are chosen, OTHER ones, or both.
 extern "C" void refine(const Stream* chosen, const double* query, double* near, double* far,
                        const Stream* other, const double* other_query, double* other_near,
                        double* other_far, const int64_t* starts, const int64_t* sequences, int64_t count,
-                       uint64_t* frames) {
+                       const uint8_t* wanted, uint64_t* frames) {
+  constexpr int CHOSEN = 1, OTHER = 2, AHEAD = 3;
+  const auto bound = [](double distance) { return ROUNDING * (1 + distance); };
   for (int64_t i = 0; i < count; i++) {
+    if (i + AHEAD < count) {
+      const int64_t s = sequences[i + AHEAD], row = starts[s] + __builtin_ctzll(frames[s]);
+      if (wanted[s] & CHOSEN) chosen->ask_for(row);
+      if (wanted[s] & OTHER) other->ask_for(row);
+    }
     const int64_t s = sequences[i];
-    double distances[WINDOWS], nearest = FAR;
-    each(frames[s], [&](int f) {
-      distances[f] = chosen->distance(starts[s] + f, query);
-      nearest = std::min(nearest, distances[f]);
-    });
-    const double error = ROUNDING * (1 + nearest);
-    near[s] = nearest - error;
-    far[s] = nearest + error;
-    uint64_t left = 0;
-    each(frames[s], [&](int f) { left |= uint64_t(distances[f] <= nearest + 2 * error) << f; });
-    frames[s] = left;
-    if (!other) continue;
-    other_near[s] = FAR;
-    other_far[s] = -FAR;
-    each(left, [&](int f) {
-      const double distance = other->distance(starts[s] + f, other_query);
-      other_near[s] = std::min(other_near[s], distance - ROUNDING * (1 + distance));
-      other_far[s] = std::max(other_far[s], distance + ROUNDING * (1 + distance));
-    });
+    if (wanted[s] & CHOSEN || frames[s] & (frames[s] - 1)) {
+      double distances[WINDOWS], nearest = FAR;
+      each(frames[s], [&](int f) {
+        distances[f] = chosen->distance(starts[s] + f, query);
+        nearest = std::min(nearest, distances[f]);
+      });
+      near[s] = nearest - bound(nearest);
+      far[s] = nearest + bound(nearest);
+      uint64_t left = 0;
+      each(frames[s], [&](int f) { left |= uint64_t(distances[f] <= nearest + 2 * bound(nearest)) << f; });
+      frames[s] = left;
+    }
+    if (wanted[s] & OTHER) {
+      other_near[s] = FAR;
+      other_far[s] = -FAR;
+      each(frames[s], [&](int f) {
+        const double distance = other->distance(starts[s] + f, other_query);
+        other_near[s] = std::min(other_near[s], distance - bound(distance));
+        other_far[s] = std::max(other_far[s], distance + bound(distance));
+      });
+    }
   }
 }
 
-// Lists the sequences that may have one of the k smallest sums of the ranks of one or two distances, and returns
-// how many there are. Histograms count those that lie below another one for certain, and those that may.
+// Lists the sequences that may have one of the k smallest sums of the ranks of one or two distances, and
+// returns how many there are. Histograms count those that lie below another one for certain, or may.
 extern "C" int64_t list_contenders(int64_t k, int64_t sequences, const uint64_t* frames, const double* near,
                                    const double* far, const double* other_near, const double* other_far,
                                    int32_t* fewest, int64_t* contenders) {
@@ -418,13 +405,14 @@ extern "C" int64_t list_contenders(int64_t k, int64_t sequences, const uint64_t*
   return count;
 }
 
-// Marks the sequences whose bounds meet any of some intervals, which rise on both sides.
+// Sets a bit of the sequences whose bounds meet any of some intervals, which rise on both sides.
 extern "C" void mark_crossing(const double* lows, const double* highs, int64_t count, const double* near,
-                              const double* far, int64_t sequences, const uint64_t* frames, bool* crossed) {
+                              const double* far, int64_t sequences, const uint64_t* frames, int64_t bit,
+                              uint8_t* crossed) {
   for (int64_t s = 0; s < sequences; s++) {
     if (!frames[s] || near[s] > highs[count - 1]) continue;
     const int64_t place = std::lower_bound(highs, highs + count, near[s]) - highs;
-    crossed[s] |= lows[place] <= far[s];
+    if (lows[place] <= far[s]) crossed[s] |= bit;
   }
 }
 

@@ -9,23 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-AXES, FINE_AXES = 24, 48
-"""Principal axes that the coarse and the fine code of a pose keep; as in kernels.cpp."""
-
 
 def _record(*members: tuple, floats: str) -> np.dtype:
     """A C structure that ends with numbers in single precision."""
     return np.dtype([*members, *((name, np.float32) for name in floats.split())])
 
 
-FINE_CODE = _record(("numbers", np.int8, FINE_AXES), floats="square tail")
-"""The fine code of a window."""
-
-POSE_QUERY = _record(
-    ("weights", np.int16, AXES),
-    ("fine_weights", np.int16, FINE_AXES),
-    floats="step fine_step tail fine_tail square error rounding",
-)
+POSE_QUERY = _record(("weights", np.int16, (4, 24)), floats="step square error rounding")
 """A pose query in numbers that fit the codes of poses."""
 
 FRAME_QUERY = _record(("weights", np.int16, 112), floats="step square error rounding")
