@@ -22,6 +22,7 @@ from tqdm import tqdm
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.corpus.demo import demo_database
+from gesture_bot.matching.codes import bounds
 from gesture_bot.matching.features import poses, sounds
 from gesture_bot.matching.reference import Reference
 from gesture_bot.matching.search import POSITIONS, PRESELECTIONS, Search, eligible, ranks_of
@@ -186,7 +187,7 @@ def main() -> None:
 def bytes_touched(search: Search, sequences: int) -> int:
     """What a search must read: the codes of all poses, and of the sounds of windows that may be nearest."""
     codes, every = search._pose_codes, np.full(sequences, 2**POSITIONS - 1, np.uint64)
-    frames = codes.nearest(search.pose_at(0), every)[2]
+    frames = bounds(codes, search.pose_at(0), every, None, np.zeros(112))[2]
     windows = int(np.unpackbits(frames.view(np.uint8)).sum())
     return codes.codes.nbytes + codes.squares.nbytes + codes.errors.nbytes + windows * (2 * 112 + 4)
 

@@ -59,27 +59,16 @@ class PoseCodes:
             self.squares[part] = squares
             self.errors[part] = _UP * np.sqrt(losses.max(axis=1))
             self._greatest = max(self._greatest, float(squares.max()))
-        self._codes = kernels.addresses(self.codes, self.squares, self.errors)
+        self.addresses = kernels.addresses(self.codes, self.squares, self.errors)
 
-    def nearest(self, query: np.ndarray, words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bounds of the smallest distance from a query (96,) in each sequence, and where it may be.
-
-        Args:
-            query: Pose feature.
-            words: (S,) uint64 bits of the frames that are looked at.
-
-        Returns:
-            (S,) float64 bounds from below and above; and (S,) uint64 bits of the frames that may have it.
-            Where the distance may be 0, the bound from below is 0, and that from above leaves this distance
-            out. Where no frame is looked at, the bounds mean nothing.
-        """
+    def rounded(self, query: np.ndarray) -> np.ndarray:
+        """A POSE_QUERY of a pose feature (96,)."""
         weights = query.reshape(-1, len(self._steps)) * self._steps
         whole, step = _whole(weights, 32767)
         rounded = whole * step / self._steps
         square, error = (rounded**2).sum(), _UP * np.linalg.norm(rounded.ravel() - query)
         rounding = ROUNDING * (self._greatest + square)
-        numbers = np.array((whole, 2 * step, square, error, rounding), POSE_QUERY)
-        return kernels.nearest("poses", self._codes, numbers, words)
+        return np.array((whole, 2 * step, square, error, rounding), POSE_QUERY)
 
 
 class FrameCodes:
@@ -113,18 +102,10 @@ class FrameCodes:
                 lengths = 1 / np.maximum(lengths, 1e-6)
             self.lengths[part] = lengths
             self.errors[part] = _UP * losses.max(axis=1) + 1e-7
-        self._codes = kernels.addresses(self.codes, self.lengths, self.errors)
-        self._what = "sounds" if self._cosine else "poses"
+        self.addresses = kernels.addresses(self.codes, self.lengths, self.errors)
 
-    def nearest(self, query: np.ndarray, words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See PoseCodes.nearest."""
-        return kernels.nearest(self._what, self._codes, self._rounded(query), words)
-
-    def compare(self, query: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(S,) bounds of the distances that hold whichever of its frames (S,) a sequence shows."""
-        return kernels.compare(self._what, self._codes, self._rounded(query), frames)
-
-    def _rounded(self, query: np.ndarray) -> np.ndarray:
+    def rounded(self, query: np.ndarray) -> np.ndarray:
+        """A FRAME_QUERY of a feature, (96,) of poses or (112,) of sounds."""
         if self._cosine:
             query = unit_rows(query[None])[0]
         whole, step = _whole(query, LEVELS)
@@ -135,6 +116,34 @@ class FrameCodes:
         weights = np.zeros(112, np.int16)
         weights[: len(whole)] = whole
         return np.array((weights, step * self._step, square, error, rounding), FRAME_QUERY)
+
+
+def bounds(
+    codes: PoseCodes | FrameCodes,
+    query: np.ndarray,
+    words: np.ndarray,
+    other: FrameCodes | None,
+    other_query: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds of the smallest distance from a query in each sequence, and of the other one where that is.
+
+    Args:
+        codes: What the first distance compares.
+        query: (96,) or (112,) its query.
+        words: (S,) uint64 bits of the frames that are looked at.
+        other: What the second distance compares; None: there is none.
+        other_query: (112,) or (96,) its query.
+
+    Returns:
+        (S,) float64 bounds from below and above, and (S,) uint64 bits of the frames that may have the
+        smallest distance. Where that may be 0, the bound from below is 0, and that from above leaves this
+        distance out. Then (S,) bounds from below and above of the second distance, whichever of these frames
+        is shown. Where no frame is looked at, bounds mean nothing.
+    """
+    passed = [codes.addresses, codes.rounded(query), None, None]
+    if other:
+        passed[2:] = other.addresses, other.rounded(other_query)
+    return kernels.bounds("poses" if isinstance(codes, PoseCodes) else "sounds", passed, words)
 
 
 def _largest(stream: Stream) -> np.ndarray:

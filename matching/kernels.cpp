@@ -16,7 +16,7 @@ namespace {
 
 constexpr int WINDOWS = 64;
 constexpr int POSE = 24, STACK = 4;  // numbers of a pose, and poses of a feature
-constexpr int BLOCK = 8;        // sequences whose memory is asked for ahead
+constexpr int BEHIND = 16;      // sequences from asking for memory to reading it
 constexpr float NEVER = 1e30f;  // more than any distance and its square
 constexpr double FAR = 1e300;   // of a sequence that is out
 
@@ -136,6 +136,47 @@ INLINE uint64_t at_most(const float* numbers, float limit) {
 }
 #endif
 
+// The smaller of each number and, where its bit is not set, NEVER.
+#ifdef __AVX2__
+INLINE void leave_out(uint64_t word, float* numbers) {
+  const __m256i bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+  const __m256 never = _mm256_set1_ps(NEVER);
+  for (int f = 0; f < WINDOWS; f += 8) {
+    const __m256i set = _mm256_and_si256(_mm256_set1_epi32(int(word >> f & 255)), bits);
+    const __m256 in = _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, bits));
+    _mm256_storeu_ps(numbers + f, _mm256_blendv_ps(never, _mm256_loadu_ps(numbers + f), in));
+  }
+}
+#else
+INLINE void leave_out(uint64_t word, float* numbers) {
+  for (int f = 0; f < WINDOWS; f++) numbers[f] = word >> f & 1 ? numbers[f] : NEVER;
+}
+#endif
+
+// Poses in bytes.
+struct BytePoses {
+  const PoseCodes c;
+  const PoseQuery q;
+
+  // The smallest distance of a sequence, from all of its frames at once.
+  INLINE void scan(int64_t s, uint64_t word, double& near, double& far, uint64_t& frames) const {
+    int32_t sums[WINDOWS];
+    products(c.codes + s * POSE * WINDOWS, q.weights, sums);
+    float squares[WINDOWS], smallest = NEVER;
+    for (int f = 0; f < WINDOWS; f++)
+      squares[f] = c.squares[s * WINDOWS + f] + q.square - sums[f] * q.step;
+    leave_out(word, squares);
+    for (int f = 0; f < WINDOWS; f++) smallest = std::min(smallest, squares[f]);
+    const Bounds bounds = roots(smallest - q.rounding, smallest + q.rounding, c.errors[s] + q.error);
+    near = std::max(bounds.low, 0.f);
+    frames = word;
+    if (bounds.low <= 0) return;  // it may be 0 and skipped: any other frame may be the nearest
+    far = bounds.high;
+    const float limit = bounds.high + c.errors[s] + q.error;
+    frames = at_most(squares, limit * limit + q.rounding);
+  }
+};
+
 // Frames of pose or of sound, and how they are stacked and compared.
 template <int NUMBERS, int STACKED, bool COSINE>
 struct Frames {
@@ -158,39 +199,29 @@ struct Frames {
     return roots(middle - q.rounding, middle + q.rounding, error);
   }
 
-  void scan(int64_t sequences, const uint64_t* words, double* near, double* far, uint64_t* frames) const {
-    for (int64_t s = 0; s < sequences; s++) {
-      near[s] = far[s] = FAR;
-      frames[s] = 0;
-      if (!words[s]) continue;
-      Smallest smallest;
-      each(words[s], [&](int f) __attribute__((always_inline)) { smallest.add(f, distance(s, f)); });
-      smallest.store(words[s], near[s], far[s], frames[s]);
-    }
+  // The smallest distance of a sequence.
+  INLINE void scan(int64_t s, uint64_t word, double& near, double& far, uint64_t& frames) const {
+    Smallest smallest;
+    each(word, [&](int f) __attribute__((always_inline)) { smallest.add(f, distance(s, f)); });
+    smallest.store(word, near, far, frames);
   }
 
-  void compare(int64_t sequences, const uint64_t* frames, double* near, double* far) const {
-    for (int64_t begin = 0; begin < sequences; begin += BLOCK) {
-      const int64_t end = std::min(begin + BLOCK, sequences);
-      for (int64_t s = begin; s < end; s++) {
-        if (!frames[s]) continue;
-        const int f = __builtin_ctzll(frames[s]);
-        prefetch(c.lengths + s * WINDOWS + f, 1);
-        prefetch(code(s, f), 2 * NUMBERS * STACKED + 64);
-        if (frames[s] & (frames[s] - 1)) prefetch(code(s, f + 1), 2 * NUMBERS * STACKED + 64);
-      }
-      for (int64_t s = begin; s < end; s++) {
-        near[s] = far[s] = FAR;
-        if (!frames[s]) continue;
-        Bounds all{NEVER, -NEVER};
-        each(frames[s], [&](int f) __attribute__((always_inline)) {
-          const Bounds one = distance(s, f);
-          all = {std::min(all.low, one.low), std::max(all.high, one.high)};
-        });
-        near[s] = all.low;
-        far[s] = all.high;
-      }
-    }
+  INLINE void ask_for(int64_t s, uint64_t frames) const {
+    const int f = __builtin_ctzll(frames);
+    prefetch(c.lengths + s * WINDOWS + f, 1);
+    prefetch(code(s, f), 2 * NUMBERS * STACKED + 64);
+    if (frames & (frames - 1)) prefetch(code(s, f + 1), 2 * NUMBERS * STACKED + 64);
+  }
+
+  // The distance of a sequence, whichever of some frames it shows.
+  INLINE void compare(int64_t s, uint64_t frames, double& near, double& far) const {
+    Bounds all{NEVER, -NEVER};
+    each(frames, [&](int f) __attribute__((always_inline)) {
+      const Bounds one = distance(s, f);
+      all = {std::min(all.low, one.low), std::max(all.high, one.high)};
+    });
+    near = all.low;
+    far = all.high;
   }
 };
 
@@ -271,45 +302,44 @@ extern "C" void eligible_words(const uint8_t* mask, int64_t sequences, uint64_t*
   }
 }
 
-// The smallest distance of each sequence, from all of them at once.
-extern "C" void scan_poses(const PoseCodes* codes, const PoseQuery* query, int64_t sequences,
-                           const uint64_t* words, double* near, double* far, uint64_t* frames) {
-  const PoseCodes c = *codes;
-  const PoseQuery q = *query;
-  for (int64_t s = 0; s < sequences; s++) {
-    near[s] = far[s] = FAR;
-    frames[s] = words[s];
-    if (!words[s]) continue;
-    int32_t sums[WINDOWS];
-    products(c.codes + s * POSE * WINDOWS, q.weights, sums);
-    float squares[WINDOWS], smallest = NEVER;
-    for (int f = 0; f < WINDOWS; f++) {
-      const float square = c.squares[s * WINDOWS + f] + q.square - sums[f] * q.step;
-      squares[f] = words[s] >> f & 1 ? square : NEVER;
+// Bounds the smallest distance of each sequence, and lists the frames that may have it; and bounds its other
+// distance, if that is asked for, whichever of these frames it is of. The memory of the second is asked for while
+// the first is computed.
+template <class Chosen, class Other>
+INLINE void search(const Chosen& chosen, const Other* other, int64_t sequences, const uint64_t* words,
+                   double* near, double* far, uint64_t* frames, double* other_near, double* other_far) {
+  for (int64_t s = 0; s < sequences + BEHIND; s++) {
+    if (s < sequences) {
+      near[s] = far[s] = FAR;
+      frames[s] = 0;
+      if (words[s]) chosen.scan(s, words[s], near[s], far[s], frames[s]);
+      if (other && frames[s]) other->ask_for(s, frames[s]);
     }
-    for (int f = 0; f < WINDOWS; f++) smallest = std::min(smallest, squares[f]);
-    const Bounds bounds = roots(smallest - q.rounding, smallest + q.rounding, c.errors[s] + q.error);
-    near[s] = std::max(bounds.low, 0.f);
-    if (bounds.low <= 0) continue;  // it may be 0 and skipped: any other frame may be the nearest
-    far[s] = bounds.high;
-    const float limit = bounds.high + c.errors[s] + q.error;
-    frames[s] = at_most(squares, limit * limit + q.rounding);
+    const int64_t t = s - BEHIND;
+    if (!other || t < 0) continue;
+    other_near[t] = other_far[t] = FAR;
+    if (frames[t]) other->compare(t, frames[t], other_near[t], other_far[t]);
   }
 }
 
-extern "C" void scan_sounds(const FrameCodes* codes, const FrameQuery* query, int64_t sequences,
-                            const uint64_t* words, double* near, double* far, uint64_t* frames) {
-  Sounds{*codes, *query}.scan(sequences, words, near, far, frames);
+extern "C" void search_poses(const PoseCodes* codes, const PoseQuery* query, const FrameCodes* other_codes,
+                             const FrameQuery* other_query, int64_t sequences, const uint64_t* words,
+                             double* near, double* far, uint64_t* frames, double* other_near,
+                             double* other_far) {
+  const BytePoses chosen{*codes, *query};
+  const Sounds* none = nullptr;
+  if (!other_codes) return search(chosen, none, sequences, words, near, far, frames, other_near, other_far);
+  const Sounds other{*other_codes, *other_query};
+  search(chosen, &other, sequences, words, near, far, frames, other_near, other_far);
 }
 
-extern "C" void compare_sounds(const FrameCodes* codes, const FrameQuery* query, int64_t sequences,
-                               const uint64_t* frames, double* near, double* far) {
-  Sounds{*codes, *query}.compare(sequences, frames, near, far);
-}
-
-extern "C" void compare_poses(const FrameCodes* codes, const FrameQuery* query, int64_t sequences,
-                              const uint64_t* frames, double* near, double* far) {
-  Poses{*codes, *query}.compare(sequences, frames, near, far);
+extern "C" void search_sounds(const FrameCodes* codes, const FrameQuery* query, const FrameCodes* other_codes,
+                              const FrameQuery* other_query, int64_t sequences, const uint64_t* words,
+                              double* near, double* far, uint64_t* frames, double* other_near,
+                              double* other_far) {
+  const Sounds chosen{*codes, *query};
+  const Poses other{*other_codes, *other_query};
+  search(chosen, &other, sequences, words, near, far, frames, other_near, other_far);
 }
 
 // Bounds distances of some sequences in double precision: of their frames, those stay that may be nearest.

@@ -53,26 +53,22 @@ def eligible_words(mask: np.ndarray) -> np.ndarray:
     return words
 
 
-def nearest(
-    what: str, codes: np.ndarray, query: np.ndarray, words: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bounds (S,) of the smallest distance of each sequence, and the frames (S,) that may have it.
+def bounds(
+    what: str, codes: list[np.ndarray | None], words: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds of two distances of each sequence, and the frames that they may be of.
 
     Args:
-        what: `poses` or `sounds`.
-        codes: Addresses of the arrays of a PoseCodes or FrameCodes.
-        query: A POSE_QUERY or FRAME_QUERY.
+        what: `poses` or `sounds`: what the first distance compares.
+        codes: Addresses of the codes that the first distance compares, and their query; and the same of the
+            second distance, or None and None.
         words: (S,) the frames that are looked at.
+
+    Returns:
+        (S,) from below and above, of the smallest distance; (S,) the frames that may have it; and (S,) from
+        below and above, of the second distance, whichever of these frames it is of.
     """
-    near, far, frames = np.empty(len(words)), np.empty(len(words)), np.empty_like(words)
-    call(f"scan_{what}", codes, query, len(words), words, near, far, frames)
-    return near, far, frames
-
-
-def compare(
-    what: str, codes: np.ndarray, query: np.ndarray, frames: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds (S,) of the distance of each sequence's frame, whichever of its set that is."""
-    near, far = np.empty(len(frames)), np.empty(len(frames))
-    call(f"compare_{what}", codes, query, len(frames), frames, near, far)
-    return near, far
+    near, far, other_near, other_far = np.empty((4, len(words)))
+    frames = np.empty_like(words)
+    call(f"search_{what}", *codes, len(words), words, near, far, frames, other_near, other_far)
+    return near, far, frames, other_near, other_far

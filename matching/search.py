@@ -10,7 +10,7 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching import kernels
-from gesture_bot.matching.codes import FrameCodes, PoseCodes
+from gesture_bot.matching.codes import FrameCodes, PoseCodes, bounds
 from gesture_bot.matching.contest import Contest, Distances
 from gesture_bot.matching.features import poses, sounds
 
@@ -165,14 +165,17 @@ class Search:
         )
         chosen, other = (audio, pose) if preselection == "audio" else (pose, audio)
         codes, other_codes = self._codes(preselection)
-        chosen.near, chosen.far, frames = codes.nearest(chosen.query, kernels.eligible_words(mask))
+        both = preselection != "pose_only"
+        words = kernels.eligible_words(mask)
+        chosen.near, chosen.far, frames, other.near, other.far = bounds(
+            codes, chosen.query, words, other_codes if both else None, other.query
+        )
         contest = Contest(self._starts, frames, chosen)
         contest.choose(np.flatnonzero((chosen.near == 0) & (frames != 0)))
         candidates = int(np.count_nonzero(frames))
         if candidates == 0:
             return None
-        if preselection != "pose_only":
-            other.near, other.far = other_codes.compare(other.query, frames)
+        if both:
             contest.ranked.append(other)
 
         winner = contest.winner(min(k, candidates))
