@@ -13,7 +13,7 @@ from safetensors import safe_open
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import KEYPOINTS
 from gesture_bot.corpus.database import FORMAT, Database
-from gesture_bot.corpus.demo import demo_database
+from gesture_bot.corpus.demo import database_path
 from gesture_bot.evaluate.database_picture import write_database_picture
 from gesture_bot.evaluate.database_report import DRAWN, DatabaseReport, database_report
 
@@ -27,7 +27,7 @@ def command(options: argparse.Namespace) -> int:
     Raises:
         GestureBotError: The file is no database that this version reads, or the picture is no .png.
     """
-    path = demo_database() if options.database == "demo" else Path(options.database)
+    path = database_path(options.database)
     picture = options.output or Path(f"{Path(options.database).stem}.png")
     if picture.suffix != ".png":
         raise InvalidValueError("cannot draw into this kind of file", picture.name, [".png"])

@@ -6,7 +6,7 @@ import numpy as np
 from tqdm import tqdm
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
+from gesture_bot.base.frames import FRAME_RATE, frame_time
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.evaluate.motion_files import write_bvh, write_joint_csv
@@ -14,16 +14,13 @@ from gesture_bot.evaluate.robot_gif import write_robot_gif
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.selector import Selector
-from gesture_bot.refine.smoothing import WindowSmoother
+from gesture_bot.refine.offline import LEAD_IN, refined_windows
 from gesture_bot.retarget.retargeter import Retargeter
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import load_audio
 from gesture_bot.speech.features import speech_features
 
 FORMATS = (".bvh", ".csv", ".gif")
-
-LEAD_IN = 2 * FRAME_RATE
-"""Frames of rest before the sound, in which the first gesture prepares; they are cut off."""
 
 LEAD_OUT = FRAME_RATE
 """Frames after the sound, for the last retraction."""
@@ -77,19 +74,15 @@ def motion(
         (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory, every
         20 ms, its times counted from there [s].
     """
-    for frame, vector in enumerate(features, LEAD_IN):
-        selector.add_features(frame, vector)
     stop = LEAD_IN + len(features) + LEAD_OUT
-    smoother = WindowSmoother()
     frames: dict[int, np.ndarray] = {}
     points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    for frame in tqdm(range(stop), desc="gestures", unit="frame", leave=False):
-        for window in selector.plan(frame_time(frame)):
-            clip = smoother.push(KeypointClip(window.start, window.keypoints))
-            frames.update(enumerate(clip.keypoints, clip.start))
-            plan = retargeter.push(clip)
-            ticks = np.rint(plan.times * 50).astype(int)
-            points.update(zip(ticks, zip(plan.positions, plan.velocities, strict=True), strict=True))
+    progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False)
+    for _, clip in refined_windows(selector, features, progress):
+        frames.update(enumerate(clip.keypoints, clip.start))
+        plan = retargeter.push(clip)
+        ticks = np.rint(plan.times * 50).astype(int)
+        points.update(zip(ticks, zip(plan.positions, plan.velocities, strict=True), strict=True))
     first, last = round(frame_time(LEAD_IN) * 50), round(frame_time(stop) * 50)
     positions, velocities = zip(*(points[tick] for tick in range(first, last)), strict=True)
     return (

@@ -64,7 +64,12 @@ def load_database(name: str) -> Database:
     Raises:
         FileFormatError: See Database.load.
     """
-    return Database.load(demo_database() if name == "demo" else Path(name))
+    return Database.load(database_path(name))
+
+
+def database_path(name: str) -> Path:
+    """The file of a database, or of the demo corpus."""
+    return demo_database() if name == "demo" else Path(name)
 
 
 def demo_database() -> Path:

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.files import write_whole
-from gesture_bot.base.frames import FRAME_RATE, WINDOW, KeypointClip, frame_time
+from gesture_bot.base.frames import WINDOW
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.controls import Constraint, Controls
@@ -19,7 +19,7 @@ from gesture_bot.matching.emotions import Emotion
 from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.matching.search import eligible
 from gesture_bot.matching.selector import Selector
-from gesture_bot.refine.smoothing import WindowSmoother
+from gesture_bot.refine.offline import LEAD_IN, refined_windows
 
 CONTROLS = {
     "high": Constraint("wrist_height", "at_least", 85, "left"),
@@ -38,9 +38,6 @@ NEAR = 0.1
 
 LIVELY = 0.4
 """Least variation, as a share of that without a control: with less, the robot looks stuck."""
-
-_LEAD = 2 * FRAME_RATE
-"""Frames of rest before the speech, in which the first gesture prepares."""
 
 _WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
 
@@ -191,19 +188,14 @@ def control_table(database: Database, features: np.ndarray) -> list[Row]:
 
 def _motion(selector: Selector, features: np.ndarray) -> _Motion:
     """Walk the features through search and refinement, as the nodes do."""
-    for frame, vector in enumerate(features, _LEAD):
-        selector.add_features(frame, vector)
-    smoother = WindowSmoother()
     refined: dict[int, np.ndarray] = {}
     spoken: dict[int, bool] = {}
     windows = []
-    for now in range(_LEAD + len(features)):
-        for window in selector.plan(frame_time(now)):
-            clip = smoother.push(KeypointClip(window.start, window.keypoints))
-            refined.update(enumerate(clip.keypoints, clip.start))
-            spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
-            if window.source == "speech":
-                windows.append(window.keypoints)
+    for window, clip in refined_windows(selector, features, range(LEAD_IN + len(features))):
+        refined.update(enumerate(clip.keypoints, clip.start))
+        spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
+        if window.source == "speech":
+            windows.append(window.keypoints)
     if not windows:
         raise InvalidValueError("there is no speech to make motion for")
     frames = range(min(spoken), max(spoken) + 1)

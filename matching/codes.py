@@ -140,10 +140,14 @@ def bounds(
         distance out. Then (S,) bounds from below and above of the second distance, whichever of these frames
         is shown. Where no frame is looked at, bounds mean nothing.
     """
-    passed = [codes.addresses, codes.rounded(query), None, None]
+    compared = [codes.addresses, codes.rounded(query), None, None]
     if other:
-        passed[2:] = other.addresses, other.rounded(other_query)
-    return kernels.bounds("poses" if isinstance(codes, PoseCodes) else "sounds", passed, words)
+        compared[2:] = other.addresses, other.rounded(other_query)
+    near, far, other_near, other_far = np.empty((4, len(words)))
+    frames = np.empty_like(words)
+    search = "search_poses" if isinstance(codes, PoseCodes) else "search_sounds"
+    kernels.call(search, *compared, len(words), words, near, far, frames, other_near, other_far)
+    return near, far, frames, other_near, other_far
 
 
 def _largest(stream: Stream) -> np.ndarray:

@@ -42,19 +42,17 @@ class Contest:
     """One search.
 
     Attributes:
-        ranked: Distances by which sequences are ranked.
         frame: (S,) frame of each sequence, where it is known.
 
     Args:
         starts: (S,) rows at which the sequences begin.
         frames: (S,) uint64 bits of the frames that may be a sequence's nearest; none: the sequence is out.
-        chosen: Distances by which the frame within a sequence is chosen; the first of `ranked`.
+        ranked: One or two, by the first of which the frame within a sequence is chosen.
     """
 
-    def __init__(self, starts: np.ndarray, frames: np.ndarray, chosen: Distances) -> None:
-        self._starts, self._frames, self._chosen = starts, frames, chosen
+    def __init__(self, starts: np.ndarray, frames: np.ndarray, ranked: list[Distances]) -> None:
+        self._starts, self._frames, self._ranked = starts, frames, ranked
         self._refined, self._settled = np.zeros(len(starts), np.uint8), np.zeros(len(starts), bool)
-        self.ranked = [chosen]
         self.frame = np.zeros(len(starts), np.int64)
 
     @property
@@ -67,16 +65,16 @@ class Contest:
         bits = np.unpackbits(self._frames[sequences, None].view(np.uint8), axis=1, bitorder="little") > 0
         rows = self._starts[sequences, None] + np.arange(SEQUENCE)
         distances = np.full(bits.shape, np.inf)
-        distances[bits] = self._chosen.exact(rows[bits])
+        distances[bits] = self._ranked[0].exact(rows[bits])
         distances[distances == 0] = np.inf
         nearest, frame = distances.min(axis=1), distances.argmin(axis=1)
-        self._chosen.know(sequences, nearest)
+        self._ranked[0].know(sequences, nearest)
         self.frame[sequences] = frame
         self._frames[sequences] = np.where(np.isfinite(nearest), np.uint64(1) << frame.astype(np.uint64), 0)
 
     def winner(self, k: int) -> int:
         """The sequence with the k-th smallest sum of ranks; there must be as many."""
-        everything = np.uint8(2 ** len(self.ranked) - 1)
+        everything = np.uint8(2 ** len(self._ranked) - 1)
         wanted = np.zeros(len(self._frames), np.uint8)
         wanted[self._contenders(k)] = everything
         self._refine(wanted)
@@ -90,7 +88,7 @@ class Contest:
         self._settle(np.flatnonzero(self._crossing(contenders)))
 
         sums = np.zeros(len(self._frames), np.int64)
-        for by in self.ranked:
+        for by in self._ranked:
             order = contenders[np.argsort(by.near[contenders], kind="stable")]
             before = np.zeros(len(order), np.int64)
             kernels.call(
@@ -102,7 +100,7 @@ class Contest:
     def _contenders(self, k: int) -> np.ndarray:
         """The sequences that may have one of the k smallest sums of ranks, in their order."""
         sequences = len(self._frames)
-        bounds = [bound for by in self.ranked for bound in (by.near, by.far)]
+        bounds = [bound for by in self._ranked for bound in (by.near, by.far)]
         counts, contenders = np.empty((2, sequences), np.int32), np.empty(sequences, np.int64)
         count = kernels.call(
             "list_contenders",
@@ -119,7 +117,7 @@ class Contest:
     def _crossing(self, contenders: np.ndarray) -> np.ndarray:
         """(S,) uint8 bits of the distances whose bounds meet those of a contender: that rank is open."""
         crossed = np.zeros(len(self._frames), np.uint8)
-        for place, by in enumerate(self.ranked):
+        for place, by in enumerate(self._ranked):
             lows, highs = np.sort(by.near[contenders]), np.sort(by.far[contenders])
             intervals = lows, highs, len(lows)
             bounds = by.near, by.far, len(crossed)
@@ -131,7 +129,7 @@ class Contest:
         wanted = wanted & ~self._refined
         self._refined |= wanted
         sequences = np.flatnonzero(wanted)
-        arguments: list[np.ndarray | None] = [one for by in self.ranked for one in by.arguments()]
+        arguments: list[np.ndarray | None] = [one for by in self._ranked for one in by.arguments()]
         arguments += [None] * (8 - len(arguments))
         kernels.call("refine", *arguments, self._starts, sequences, len(sequences), wanted, self._frames)
 
@@ -140,5 +138,5 @@ class Contest:
         sequences = sequences[~self._settled[sequences]]
         self._settled[sequences] = True
         self.choose(sequences)
-        for by in self.ranked[1:]:
+        for by in self._ranked[1:]:
             by.know(sequences, by.exact(self._starts[sequences] + self.frame[sequences]))

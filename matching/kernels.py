@@ -51,24 +51,3 @@ def eligible_words(mask: np.ndarray) -> np.ndarray:
     words = np.empty(len(mask), np.uint64)
     call("eligible_words", np.ascontiguousarray(mask, bool), len(mask), words)
     return words
-
-
-def bounds(
-    what: str, codes: list[np.ndarray | None], words: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bounds of two distances of each sequence, and the frames that they may be of.
-
-    Args:
-        what: `poses` or `sounds`: what the first distance compares.
-        codes: Addresses of the codes that the first distance compares, and their query; and the same of the
-            second distance, or None and None.
-        words: (S,) the frames that are looked at.
-
-    Returns:
-        (S,) from below and above, of the smallest distance; (S,) the frames that may have it; and (S,) from
-        below and above, of the second distance, whichever of these frames it is of.
-    """
-    near, far, other_near, other_far = np.empty((4, len(words)))
-    frames = np.empty_like(words)
-    call(f"search_{what}", *codes, len(words), words, near, far, frames, other_near, other_far)
-    return near, far, frames, other_near, other_far

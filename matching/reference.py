@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.features import poses, sounds
 from gesture_bot.matching.search import (
@@ -11,6 +10,7 @@ from gesture_bot.matching.search import (
     Preselection,
     check_queries,
     check_settings,
+    eligible,
     ranks_of,
 )
 
@@ -38,14 +38,14 @@ class Reference:
         """See Search.find."""
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
-        eligible = mask[:, :POSITIONS] & mask[:, WINDOW - 1 :]
+        allowed = eligible(mask)
 
         # In each sequence, the eligible frame nearest to the query; 0 is the query's own frame.
-        distances = np.full(eligible.shape, np.inf)
+        distances = np.full(allowed.shape, np.inf)
         if preselection == "audio":
-            distances[eligible] = self._sounds.distance(self.audio_features[eligible], audio_query)
+            distances[allowed] = self._sounds.distance(self.audio_features[allowed], audio_query)
         else:
-            distances[eligible] = self._poses.distance(self.pose_features[eligible], pose_query)
+            distances[allowed] = self._poses.distance(self.pose_features[allowed], pose_query)
         distances[distances == 0] = np.inf
         survivors = np.flatnonzero(np.isfinite(distances.min(axis=1)))
         if len(survivors) == 0:

@@ -170,13 +170,11 @@ class Search:
         chosen.near, chosen.far, frames, other.near, other.far = bounds(
             codes, chosen.query, words, other_codes if both else None, other.query
         )
-        contest = Contest(self._starts, frames, chosen)
+        contest = Contest(self._starts, frames, [chosen, other] if both else [chosen])
         contest.choose(np.flatnonzero((chosen.near == 0) & (frames != 0)))
         candidates = int(np.count_nonzero(frames))
         if candidates == 0:
             return None
-        if both:
-            contest.ranked.append(other)
 
         winner = contest.winner(min(k, candidates))
         frame = int(contest.frame[winner])
