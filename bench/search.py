@@ -22,7 +22,6 @@ from tqdm import tqdm
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.corpus.demo import demo_database
-from gesture_bot.matching.codes import bounds
 from gesture_bot.matching.features import poses, sounds
 from gesture_bot.matching.reference import Reference
 from gesture_bot.matching.search import POSITIONS, PRESELECTIONS, Search, eligible, ranks_of
@@ -154,7 +153,7 @@ def main() -> None:
         name: {f"{share:.0%}": round(float(np.quantile(taken, share)), 2) for share in (0.1, 0.5, 0.9)}
         for name, taken in times.items()
     }
-    differing = mismatches(database, search, 400)
+    differing = mismatches(database, search, 1000)
     small = large_database(1000, repeated=50)
     differing += mismatches(small, Search(small), 1000)
     del database, search, small
@@ -185,11 +184,10 @@ def main() -> None:
 
 
 def bytes_touched(search: Search, sequences: int) -> int:
-    """What a search must read: the codes of all poses, and of the sounds of windows that may be nearest."""
-    codes, every = search._pose_codes, np.full(sequences, 2**POSITIONS - 1, np.uint64)
-    frames = bounds(codes, search.pose_at(0), every, None, np.zeros(112))[2]
-    windows = int(np.unpackbits(frames.view(np.uint8)).sum())
-    return codes.codes.nbytes + codes.squares.nbytes + codes.errors.nbytes + windows * (2 * 112 + 4)
+    """The least that a search reads: the mask, the codes of all poses, and one window of sound a sequence."""
+    codes = search._pose_codes
+    poses = sum(array.nbytes for array in (codes.codes, codes.squares, codes.errors, codes.rests))
+    return poses + sequences * (SEQUENCE + 2 * 112 + 4)
 
 
 def read_bandwidth() -> float:

@@ -18,8 +18,11 @@ from gesture_bot.matching.kernels import FRAME_QUERY, POSE_QUERY
 LEVELS = 4095
 """Largest code of a number of a frame or of a query: 112 products of two add up in 32 bits."""
 
+AXES = 16
+"""Principal axes on which poses are coded; beyond them lie 0.1% of the variance of the demo corpus."""
+
 SAMPLE = 100_000
-"""Frames from which steps are taken."""
+"""Frames from which steps and axes are taken."""
 
 TOGETHER = 512
 """Sequences that are coded at once."""
@@ -32,10 +35,11 @@ _UP = 1.00001
 
 
 class PoseCodes:
-    """The poses of all sequences in bytes; features are stacked when they are read.
+    """The poses of all sequences in bytes, on their principal axes; features are stacked when they are read.
 
-    The numbers of a pose lie in pairs, those of all 64 frames together: this is the order in which one
-    instruction multiplies and adds sixteen of them.
+    What the other axes hold is at a right angle to these, so that its length bounds what it adds. The numbers
+    of a pose lie in pairs, those of all 64 frames together: this is the order in which one instruction
+    multiplies and adds sixteen of them.
 
     Args:
         stream: Poses.
@@ -43,32 +47,40 @@ class PoseCodes:
     """
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
-        self._steps = _largest(stream) / 127
+        sample = stream.z_scored(_sample(stream))
+        self._axes = np.linalg.eigh(sample.T @ sample)[1][:, : -AXES - 1 : -1]
+        self._steps = _largest(sample @ self._axes) / 127
         count, self._greatest = len(starts), 0.0
         # The last shifted read ends a little after the last sequence.
-        numbers = len(stream.columns)
-        self.codes = np.zeros((count + 1, numbers // 2, SEQUENCE, 2), np.int8)
+        self.codes = np.zeros((count + 1, AXES // 2, SEQUENCE, 2), np.int8)
         self.squares = np.empty((count, SEQUENCE), np.float32)
-        self.errors = np.empty(count, np.float32)
+        self.errors, self.rests = np.empty((2, count), np.float32)
         for part, frames in _parts(stream, starts):
-            rounded = _rounded(frames, self._steps, 127)
-            codes = rounded[:, :SEQUENCE].reshape(-1, SEQUENCE, numbers // 2, 2)
+            on_axes = frames @ self._axes
+            rounded = _rounded(on_axes, self._steps, 127)
+            codes = rounded[:, :SEQUENCE].reshape(-1, SEQUENCE, AXES // 2, 2)
             self.codes[part.start : part.start + len(codes)] = codes.transpose(0, 2, 1, 3)
-            squares = _stacked((rounded * self._steps) ** 2, stream.offsets)
-            losses = _stacked((frames - rounded * self._steps) ** 2, stream.offsets)
+            rests = _stacked(frames**2, stream.offsets) - _stacked(on_axes**2, stream.offsets)
+            squares = _stacked((rounded * self._steps) ** 2, stream.offsets) + rests
+            losses = _stacked((on_axes - rounded * self._steps) ** 2, stream.offsets)
             self.squares[part] = squares
             self.errors[part] = _UP * np.sqrt(losses.max(axis=1))
+            self.rests[part] = _UP * np.sqrt(np.maximum(rests.max(axis=1), 0))
             self._greatest = max(self._greatest, float(squares.max()))
-        self.addresses = kernels.addresses(self.codes, self.squares, self.errors)
+        self._addresses = kernels.addresses(self.codes, self.squares, self.errors, self.rests)
 
-    def rounded(self, query: np.ndarray) -> np.ndarray:
-        """A POSE_QUERY of a pose feature (96,)."""
-        weights = query.reshape(-1, len(self._steps)) * self._steps
-        whole, step = _whole(weights, 32767)
-        rounded = whole * step / self._steps
-        square, error = (rounded**2).sum(), _UP * np.linalg.norm(rounded.ravel() - query)
+    def coded(self, query: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The codes, and a POSE_QUERY of a pose feature (96,), for kernels.cpp."""
+        poses = query.reshape(-1, len(self._axes))
+        on_axes = poses @ self._axes
+        weights, step = _whole(on_axes * self._steps, 32767)
+        rounded = weights * step / self._steps
+        rest = max(float((poses**2).sum() - (on_axes**2).sum()), 0.0)
+        square, error = (rounded**2).sum() + rest, _UP * np.linalg.norm(rounded - on_axes)
         rounding = ROUNDING * (self._greatest + square)
-        return np.array((whole, 2 * step, square, error, rounding), POSE_QUERY)
+        pairs = weights.reshape(-1, AXES // 2, 2).transpose(1, 0, 2)
+        numbers = pairs, 2 * step, square, error, 2 * _UP * np.sqrt(rest), rounding
+        return self._addresses, np.array(numbers, POSE_QUERY)
 
 
 class FrameCodes:
@@ -83,7 +95,7 @@ class FrameCodes:
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
         self._cosine = stream.distance is cosine_distance
-        self._step = float(_largest(stream).max()) / LEVELS
+        self._step = max(float(np.abs(frames).max()) for _, frames in _parts(stream, starts)) / LEVELS
         count, self._greatest = len(starts), 0.0
         reach, numbers = int(stream.offsets[-1]), len(stream.columns)
         self.codes = np.empty((count, 2, (SEQUENCE + reach) // 2, numbers), np.int16)
@@ -102,10 +114,10 @@ class FrameCodes:
                 lengths = 1 / np.maximum(lengths, 1e-6)
             self.lengths[part] = lengths
             self.errors[part] = _UP * losses.max(axis=1) + 1e-7
-        self.addresses = kernels.addresses(self.codes, self.lengths, self.errors)
+        self._addresses = kernels.addresses(self.codes, self.lengths, self.errors)
 
-    def rounded(self, query: np.ndarray) -> np.ndarray:
-        """A FRAME_QUERY of a feature, (96,) of poses or (112,) of sounds."""
+    def coded(self, query: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The codes, and a FRAME_QUERY of a feature, (96,) of poses or (112,) of sounds, for kernels.cpp."""
         if self._cosine:
             query = unit_rows(query[None])[0]
         whole, step = _whole(query, LEVELS)
@@ -115,45 +127,17 @@ class FrameCodes:
         rounding = ROUNDING * (1.0 if self._cosine else self._greatest**2 + square)
         weights = np.zeros(112, np.int16)
         weights[: len(whole)] = whole
-        return np.array((weights, step * self._step, square, error, rounding), FRAME_QUERY)
+        numbers = weights, step * self._step, square, error, rounding
+        return self._addresses, np.array(numbers, FRAME_QUERY)
 
 
-def bounds(
-    codes: PoseCodes | FrameCodes,
-    query: np.ndarray,
-    words: np.ndarray,
-    other: FrameCodes | None,
-    other_query: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bounds of the smallest distance from a query in each sequence, and of the other one where that is.
-
-    Args:
-        codes: What the first distance compares.
-        query: (96,) or (112,) its query.
-        words: (S,) uint64 bits of the frames that are looked at.
-        other: What the second distance compares; None: there is none.
-        other_query: (112,) or (96,) its query.
-
-    Returns:
-        (S,) float64 bounds from below and above, and (S,) uint64 bits of the frames that may have the
-        smallest distance. Where that may be 0, the bound from below is 0, and that from above leaves this
-        distance out. Then (S,) bounds from below and above of the second distance, whichever of these frames
-        is shown. Where no frame is looked at, bounds mean nothing.
-    """
-    compared = [codes.addresses, codes.rounded(query), None, None]
-    if other:
-        compared[2:] = other.addresses, other.rounded(other_query)
-    near, far, other_near, other_far = np.empty((4, len(words)))
-    frames = np.empty_like(words)
-    search = "search_poses" if isinstance(codes, PoseCodes) else "search_sounds"
-    kernels.call(search, *compared, len(words), words, near, far, frames, other_near, other_far)
-    return near, far, frames, other_near, other_far
+def _sample(stream: Stream) -> np.ndarray:
+    return stream.frames[:: -(-len(stream.frames) // SAMPLE)]
 
 
-def _largest(stream: Stream) -> np.ndarray:
-    """(d,) what nearly all z-scored numbers of a stream keep within; the few others are clipped."""
-    frames = stream.frames[:: -(-len(stream.frames) // SAMPLE)]
-    return np.maximum(np.quantile(np.abs(stream.z_scored(frames)), 0.9999, axis=0), 1e-3)
+def _largest(numbers: np.ndarray) -> np.ndarray:
+    """(d,) what nearly all numbers (n, d) keep within; the few others are clipped."""
+    return np.maximum(np.quantile(np.abs(numbers), 0.9999, axis=0), 1e-3)
 
 
 def _parts(stream: Stream, starts: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:

@@ -5,23 +5,25 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gesture_bot.corpus.database import SEQUENCE
-from gesture_bot.matching import kernels
 from gesture_bot.matching.features import Stream
+from gesture_bot.matching.kernels import call, pointer
 
 
-@dataclass
+@dataclass(eq=False)
 class Distances:
     """The distances of all sequences from a query, by one stream; a known one is its own bound.
 
     Attributes:
         stream: Poses or sounds.
         query: The feature searched for.
+        coded: Both for kernels.cpp; see FrameCodes.coded.
         near: (S,) float64 bound from below.
         far: (S,) float64 bound from above.
     """
 
     stream: Stream
     query: np.ndarray
+    coded: tuple[np.ndarray, np.ndarray]
     near: np.ndarray = field(init=False)
     far: np.ndarray = field(init=False)
 
@@ -29,36 +31,52 @@ class Distances:
         """Distances of the features that begin at some rows."""
         return self.stream.distance(self.stream.at(rows), self.query)
 
-    def arguments(self) -> tuple[np.ndarray, ...]:
-        """For kernels.cpp: stream, query, and bounds."""
-        return self.stream.addresses, self.query, self.near, self.far
-
     def know(self, sequences: np.ndarray, distances: np.ndarray) -> None:
         """Take in the distances of some sequences."""
         self.near[sequences] = self.far[sequences] = distances
 
 
 class Contest:
-    """One search.
+    """One search: bounds first, and then whatever they leave open.
 
     Attributes:
+        candidates: How many sequences have an eligible frame.
         frame: (S,) frame of each sequence, where it is known.
 
     Args:
         starts: (S,) rows at which the sequences begin.
-        frames: (S,) uint64 bits of the frames that may be a sequence's nearest; none: the sequence is out.
+        mask: (S, 64) bool control mask.
         ranked: One or two, by the first of which the frame within a sequence is chosen.
+        poses: Where that is by pose, the codes to begin with, and the query in their numbers.
     """
 
-    def __init__(self, starts: np.ndarray, frames: np.ndarray, ranked: list[Distances]) -> None:
-        self._starts, self._frames, self._ranked = starts, frames, ranked
-        self._refined, self._settled = np.zeros(len(starts), np.uint8), np.zeros(len(starts), bool)
-        self.frame = np.zeros(len(starts), np.int64)
+    def __init__(
+        self,
+        starts: np.ndarray,
+        mask: np.ndarray,
+        ranked: list[Distances],
+        poses: tuple[np.ndarray, np.ndarray] | None,
+    ) -> None:
+        self._starts, self._ranked = starts, ranked
+        coded = [pointer(one) for by in ranked for one in by.coded] + [None] * (4 - 2 * len(ranked))
+        self._finer = coded if poses else [None] * 4
+        self._frames, bounds = np.empty(len(starts), np.uint64), np.empty((2 * len(ranked), len(starts)))
+        for by, near, far in zip(ranked, bounds[::2], bounds[1::2], strict=True):
+            by.near, by.far = near, far
+        absent = [None] * (4 - len(bounds))
+        self._bounds = [len(starts), pointer(self._frames), *map(pointer, bounds), *absent]
+        allowed = np.ascontiguousarray(mask, bool)
+        search = "search_poses" if poses else "search_sounds"
+        call(search, *(poses or coded[:2]), *coded[2:], allowed, *self._bounds)
+        self._settled = np.zeros(len(starts), bool)
+        self.frame = np.empty(len(starts), np.int64)
+        self.choose(np.flatnonzero((ranked[0].near == 0) & (self._frames != 0)))
+        self.candidates = int(np.count_nonzero(self._frames))
 
     @property
     def compared(self) -> int:
         """Sequences whose distances were looked up in full."""
-        return int(np.count_nonzero(self._refined))
+        return int(np.count_nonzero(self._settled))
 
     def choose(self, sequences: np.ndarray) -> None:
         """Find the nearest frame of some sequences. A distance of 0 is the query's own frame, and skipped."""
@@ -74,64 +92,26 @@ class Contest:
 
     def winner(self, k: int) -> int:
         """The sequence with the k-th smallest sum of ranks; there must be as many."""
-        everything = np.uint8(2 ** len(self._ranked) - 1)
-        wanted = np.zeros(len(self._frames), np.uint8)
-        wanted[self._contenders(k)] = everything
-        self._refine(wanted)
-        self._refine(self._crossing(self._contenders(k)))
-
-        # What double precision cannot tell apart is compared as the reference does it.
-        contenders = self._contenders(k)
+        contenders = self._listed("find_contenders", k, *self._finer)
         self._settle(contenders)
         if len(contenders) == 1:
             return int(contenders[0])
-        self._settle(np.flatnonzero(self._crossing(contenders)))
+        self._settle(self._listed("list_crossing", contenders, len(contenders)))
 
         sums = np.zeros(len(self._frames), np.int64)
         for by in self._ranked:
             order = contenders[np.argsort(by.near[contenders], kind="stable")]
             before = np.zeros(len(order), np.int64)
-            kernels.call(
+            call(
                 "count_before", by.near[order], order, len(order), by.far, len(sums), self._frames, before
             )
             sums[order] += before.cumsum()
         return int(contenders[np.argsort(sums[contenders], kind="stable")[k - 1]])
 
-    def _contenders(self, k: int) -> np.ndarray:
-        """The sequences that may have one of the k smallest sums of ranks, in their order."""
-        sequences = len(self._frames)
-        bounds = [bound for by in self._ranked for bound in (by.near, by.far)]
-        counts, contenders = np.empty((2, sequences), np.int32), np.empty(sequences, np.int64)
-        count = kernels.call(
-            "list_contenders",
-            k,
-            sequences,
-            self._frames,
-            *bounds,
-            *[None] * (4 - len(bounds)),
-            counts,
-            contenders,
-        )
-        return contenders[:count]
-
-    def _crossing(self, contenders: np.ndarray) -> np.ndarray:
-        """(S,) uint8 bits of the distances whose bounds meet those of a contender: that rank is open."""
-        crossed = np.zeros(len(self._frames), np.uint8)
-        for place, by in enumerate(self._ranked):
-            lows, highs = np.sort(by.near[contenders]), np.sort(by.far[contenders])
-            intervals = lows, highs, len(lows)
-            bounds = by.near, by.far, len(crossed)
-            kernels.call("mark_crossing", *intervals, *bounds, self._frames, 1 << place, crossed)
-        return crossed
-
-    def _refine(self, wanted: np.ndarray) -> None:
-        """Bound distances in double precision: those of the bits (S,), as in _crossing, unless they are."""
-        wanted = wanted & ~self._refined
-        self._refined |= wanted
-        sequences = np.flatnonzero(wanted)
-        arguments: list[np.ndarray | None] = [one for by in self._ranked for one in by.arguments()]
-        arguments += [None] * (8 - len(arguments))
-        kernels.call("refine", *arguments, self._starts, sequences, len(sequences), wanted, self._frames)
+    def _listed(self, name: str, *arguments: np.ndarray | int | None) -> np.ndarray:
+        """Sequences that a function of kernels.cpp lists."""
+        sequences = np.empty(len(self._frames), np.int64)
+        return sequences[: call(name, *self._bounds, *arguments, sequences)]
 
     def _settle(self, sequences: np.ndarray) -> None:
         """Compare some sequences in full."""

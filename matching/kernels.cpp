@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <vector>
 #ifdef __AVX2__
 #include <immintrin.h>
 #endif
@@ -15,20 +16,21 @@
 namespace {
 
 constexpr int WINDOWS = 64;
-constexpr int POSE = 24, STACK = 4;  // numbers of a pose, and poses of a feature
-constexpr int BEHIND = 16;      // sequences from asking for memory to reading it
+constexpr int AXES = 16, STACK = 4;  // coded axes of a pose, and poses of a feature
+constexpr int AHEAD = 16;       // sequences from asking for memory to reading it
 constexpr float NEVER = 1e30f;  // more than any distance and its square
 constexpr double FAR = 1e300;   // of a sequence that is out
 
 struct PoseCodes {
-  const int8_t* codes;   // (S, POSE / 2, 64, 2)
+  const int8_t* codes;   // (S, AXES / 2, 64, 2)
   const float* squares;  // (S, 64)
   const float* errors;   // (S,)
+  const float* rests;    // (S,)
 };
 
 struct PoseQuery {
-  int16_t weights[STACK][POSE];
-  float step, square, error, rounding;
+  int16_t weights[AXES / 2][STACK][2];
+  float step, square, error, rest, rounding;
 };
 
 struct FrameCodes {
@@ -87,35 +89,44 @@ struct Smallest {
   }
 };
 
-// Products of the features of a sequence with a query, one a window. The codes of a pair of numbers lie side
-// by side for all frames, so that a feature's later poses are the same codes, read some frames on.
+// Products of the features of a sequence with a query, one a window. Each code is read once, and multiplied by
+// its number in every pose of the query; the products of the later poses are those of later frames.
+INLINE void products(const int8_t* codes, const int16_t (*weights)[STACK][2], int32_t* sums) {
+  constexpr int REACH = 2 * (STACK - 1);  // the last windows of a sequence are never looked at
+  int32_t poses[STACK][WINDOWS + REACH];
+  for (auto& pose : poses) std::fill(pose + WINDOWS, pose + WINDOWS + REACH, 0);
 #ifdef __AVX2__
-INLINE void products(const int8_t* codes, const int16_t (*weights)[POSE], int32_t* sums) {
-  __m256i eights[WINDOWS / 8] = {};
-  for (int a = 0; a < POSE; a += 2, codes += 2 * WINDOWS)
-    for (int o = 0; o < STACK; o++) {
-      int32_t pair;
-      std::memcpy(&pair, &weights[o][a], sizeof pair);
-      const __m256i both = _mm256_set1_epi32(pair);
-      for (int g = 0; g < WINDOWS / 8; g++) {
-        const __m128i sixteen = _mm_loadu_si128(reinterpret_cast<const __m128i*>(codes + 16 * g + 4 * o));
-        const __m256i products = _mm256_madd_epi16(_mm256_cvtepi8_epi16(sixteen), both);
-        eights[g] = _mm256_add_epi32(eights[g], products);
+  for (int f = 0; f < WINDOWS; f += 16) {
+    __m256i first[STACK] = {}, second[STACK] = {};
+#pragma GCC unroll 1  // all of them at once would not fit the registers
+    for (int a = 0; a < AXES / 2; a++) {
+      const auto* sixteen = reinterpret_cast<const __m128i*>(codes + 2 * (a * WINDOWS + f));
+      const __m256i one = _mm256_cvtepi8_epi16(_mm_loadu_si128(sixteen));
+      const __m256i other = _mm256_cvtepi8_epi16(_mm_loadu_si128(sixteen + 1));
+      for (int o = 0; o < STACK; o++) {
+        int32_t pair;
+        std::memcpy(&pair, weights[a][o], sizeof pair);
+        const __m256i both = _mm256_set1_epi32(pair);
+        first[o] = _mm256_add_epi32(first[o], _mm256_madd_epi16(one, both));
+        second[o] = _mm256_add_epi32(second[o], _mm256_madd_epi16(other, both));
       }
     }
-  std::memcpy(sums, eights, sizeof eights);
-}
+    for (int o = 0; o < STACK; o++) {
+      std::memcpy(poses[o] + f, &first[o], sizeof first[o]);
+      std::memcpy(poses[o] + f + 8, &second[o], sizeof second[o]);
+    }
+  }
 #else
-INLINE void products(const int8_t* codes, const int16_t (*weights)[POSE], int32_t* sums) {
-  std::fill(sums, sums + WINDOWS, 0);
-  for (int a = 0; a < POSE; a += 2, codes += 2 * WINDOWS)
+  for (auto& pose : poses) std::fill(pose, pose + WINDOWS, 0);
+  for (int a = 0; a < AXES / 2; a++, codes += 2 * WINDOWS)
     for (int o = 0; o < STACK; o++)
-      for (int f = 0; f < WINDOWS; f++) {
-        const int8_t* pair = codes + 2 * f + 4 * o;
-        sums[f] += pair[0] * weights[o][a] + pair[1] * weights[o][a + 1];
-      }
-}
+      for (int f = 0; f < WINDOWS; f++)
+        poses[o][f] += codes[2 * f] * weights[a][o][0] + codes[2 * f + 1] * weights[a][o][1];
 #endif
+  std::copy(poses[0], poses[0] + WINDOWS, sums);
+  for (int o = 1; o < STACK; o++)
+    for (int f = 0; f < WINDOWS; f++) sums[f] += poses[o][f + 2 * o];
+}
 
 // The set of the numbers that are at most a limit.
 #ifdef __AVX2__
@@ -161,19 +172,20 @@ struct BytePoses {
   // The smallest distance of a sequence, from all of its frames at once.
   INLINE void scan(int64_t s, uint64_t word, double& near, double& far, uint64_t& frames) const {
     int32_t sums[WINDOWS];
-    products(c.codes + s * POSE * WINDOWS, q.weights, sums);
+    products(c.codes + s * AXES * WINDOWS, q.weights, sums);
     float squares[WINDOWS], smallest = NEVER;
     for (int f = 0; f < WINDOWS; f++)
       squares[f] = c.squares[s * WINDOWS + f] + q.square - sums[f] * q.step;
     leave_out(word, squares);
     for (int f = 0; f < WINDOWS; f++) smallest = std::min(smallest, squares[f]);
-    const Bounds bounds = roots(smallest - q.rounding, smallest + q.rounding, c.errors[s] + q.error);
+    const float rounding = q.rounding + q.rest * c.rests[s], error = c.errors[s] + q.error;
+    const Bounds bounds = roots(smallest - rounding, smallest + rounding, error);
     near = std::max(bounds.low, 0.f);
     frames = word;
     if (bounds.low <= 0) return;  // it may be 0 and skipped: any other frame may be the nearest
     far = bounds.high;
-    const float limit = bounds.high + c.errors[s] + q.error;
-    frames = at_most(squares, limit * limit + q.rounding);
+    const float limit = bounds.high + error;
+    frames = at_most(squares, limit * limit + rounding);
   }
 };
 
@@ -228,56 +240,6 @@ struct Frames {
 using Poses = Frames<24, 4, false>;
 using Sounds = Frames<14, 8, true>;
 
-// The frames of a database as they are stored, and how they are z-scored and stacked.
-struct Stream {
-  const float* frames;  // (N, width)
-  int64_t width;
-  const int64_t* columns;  // (numbers,)
-  const double* means;
-  const double* deviations;
-  int64_t numbers, stacked;
-
-  void ask_for(int64_t row) const { prefetch(frames + row * width, int((2 * stacked - 1) * width * 4)); }
-
-  // Calls act(number, place) for each number of the feature that begins at a row.
-  template <class Do>
-  INLINE void feature(int64_t row, Do&& act) const {
-    for (int64_t o = 0, place = 0; o < stacked; o++) {
-      const float* frame = frames + (row + 2 * o) * width;
-      for (int64_t i = 0; i < numbers; i++, place++)
-        act((frame[columns[i]] - means[i]) / deviations[i], place);
-    }
-  }
-
-  double euclidean(int64_t row, const double* query) const {
-    double sum = 0;
-    feature(row, [&](double number, int64_t place) {
-      const double difference = number - query[place];
-      sum += difference * difference;
-    });
-    return std::sqrt(sum);
-  }
-
-  double cosine(int64_t row, const double* query) const {
-    double product = 0, square = 0, query_square = 0;
-    feature(row, [&](double number, int64_t place) {
-      product += number * query[place];
-      square += number * number;
-      query_square += query[place] * query[place];
-    });
-    const double length = std::max(std::sqrt(square), 1e-12);
-    const double query_length = std::max(std::sqrt(query_square), 1e-12);
-    return (square / (length * length) + query_square / (query_length * query_length)) / 2 -
-           product / (length * query_length);
-  }
-
-  double distance(int64_t row, const double* query) const {
-    return numbers == 24 ? euclidean(row, query) : cosine(row, query);
-  }
-};
-
-constexpr double ROUNDING = 1e-9;  // more than double precision loses
-
 }  // namespace
 
 // Whether this processor can run the version for AVX2.
@@ -289,33 +251,32 @@ extern "C" int has_avx2() {
 #endif
 }
 
-// The frames of each sequence at which a window may begin: allowed there and at its last frame.
-extern "C" void eligible_words(const uint8_t* mask, int64_t sequences, uint64_t* words) {
-  for (int64_t s = 0; s < sequences; s++) {
-    uint64_t word = 0;
-    for (int byte = 0; byte < WINDOWS / 8; byte++) {
-      uint64_t eight;
-      std::memcpy(&eight, mask + s * WINDOWS + 8 * byte, sizeof eight);
-      word |= (eight * 0x0102040810204080u) >> 56 << (8 * byte);
-    }
-    words[s] = word & word >> 7;
+// The frames of a sequence at which a window may begin: allowed there and at its last frame.
+INLINE uint64_t eligible(const uint8_t* mask) {
+  uint64_t word = 0;
+  for (int byte = 0; byte < WINDOWS / 8; byte++) {
+    uint64_t eight;
+    std::memcpy(&eight, mask + 8 * byte, sizeof eight);
+    word |= (eight * 0x0102040810204080u) >> 56 << (8 * byte);
   }
+  return word & word >> 7;
 }
 
 // Bounds the smallest distance of each sequence, and lists the frames that may have it; and bounds its other
 // distance, if that is asked for, whichever of these frames it is of. The memory of the second is asked for while
 // the first is computed.
 template <class Chosen, class Other>
-INLINE void search(const Chosen& chosen, const Other* other, int64_t sequences, const uint64_t* words,
-                   double* near, double* far, uint64_t* frames, double* other_near, double* other_far) {
-  for (int64_t s = 0; s < sequences + BEHIND; s++) {
+INLINE void search(const Chosen& chosen, const Other* other, const uint8_t* mask, int64_t sequences,
+                   uint64_t* frames, double* near, double* far, double* other_near, double* other_far) {
+  for (int64_t s = 0; s < sequences + AHEAD; s++) {
     if (s < sequences) {
       near[s] = far[s] = FAR;
       frames[s] = 0;
-      if (words[s]) chosen.scan(s, words[s], near[s], far[s], frames[s]);
+      const uint64_t word = eligible(mask + s * WINDOWS);
+      if (word) chosen.scan(s, word, near[s], far[s], frames[s]);
       if (other && frames[s]) other->ask_for(s, frames[s]);
     }
-    const int64_t t = s - BEHIND;
+    const int64_t t = s - AHEAD;
     if (!other || t < 0) continue;
     other_near[t] = other_far[t] = FAR;
     if (frames[t]) other->compare(t, frames[t], other_near[t], other_far[t]);
@@ -323,127 +284,182 @@ INLINE void search(const Chosen& chosen, const Other* other, int64_t sequences, 
 }
 
 extern "C" void search_poses(const PoseCodes* codes, const PoseQuery* query, const FrameCodes* other_codes,
-                             const FrameQuery* other_query, int64_t sequences, const uint64_t* words,
-                             double* near, double* far, uint64_t* frames, double* other_near,
+                             const FrameQuery* other_query, const uint8_t* mask, int64_t sequences,
+                             uint64_t* frames, double* near, double* far, double* other_near,
                              double* other_far) {
   const BytePoses chosen{*codes, *query};
   const Sounds* none = nullptr;
-  if (!other_codes) return search(chosen, none, sequences, words, near, far, frames, other_near, other_far);
+  if (!other_codes) return search(chosen, none, mask, sequences, frames, near, far, other_near, other_far);
   const Sounds other{*other_codes, *other_query};
-  search(chosen, &other, sequences, words, near, far, frames, other_near, other_far);
+  search(chosen, &other, mask, sequences, frames, near, far, other_near, other_far);
 }
 
 extern "C" void search_sounds(const FrameCodes* codes, const FrameQuery* query, const FrameCodes* other_codes,
-                              const FrameQuery* other_query, int64_t sequences, const uint64_t* words,
-                              double* near, double* far, uint64_t* frames, double* other_near,
+                              const FrameQuery* other_query, const uint8_t* mask, int64_t sequences,
+                              uint64_t* frames, double* near, double* far, double* other_near,
                               double* other_far) {
   const Sounds chosen{*codes, *query};
   const Poses other{*other_codes, *other_query};
-  search(chosen, &other, sequences, words, near, far, frames, other_near, other_far);
+  search(chosen, &other, mask, sequences, frames, near, far, other_near, other_far);
 }
 
-// Bounds distances of some sequences in double precision: of their frames, those stay that may be nearest.
-// What is wanted of a sequence are CHOSEN distances, by which frames are chosen, OTHER ones, or both.
-extern "C" void refine(const Stream* chosen, const double* query, double* near, double* far,
-                       const Stream* other, const double* other_query, double* other_near,
-                       double* other_far, const int64_t* starts, const int64_t* sequences, int64_t count,
-                       const uint8_t* wanted, uint64_t* frames) {
-  constexpr int CHOSEN = 1, OTHER = 2, AHEAD = 3;
-  const auto bound = [](double distance) { return ROUNDING * (1 + distance); };
-  for (int64_t i = 0; i < count; i++) {
-    if (i + AHEAD < count) {
-      const int64_t s = sequences[i + AHEAD], row = starts[s] + __builtin_ctzll(frames[s]);
-      if (wanted[s] & CHOSEN) chosen->ask_for(row);
-      if (wanted[s] & OTHER) other->ask_for(row);
-    }
-    const int64_t s = sequences[i];
-    if (wanted[s] & CHOSEN || frames[s] & (frames[s] - 1)) {
-      double distances[WINDOWS], nearest = FAR;
-      each(frames[s], [&](int f) {
-        distances[f] = chosen->distance(starts[s] + f, query);
-        nearest = std::min(nearest, distances[f]);
-      });
-      near[s] = nearest - bound(nearest);
-      far[s] = nearest + bound(nearest);
-      uint64_t left = 0;
-      each(frames[s], [&](int f) { left |= uint64_t(distances[f] <= nearest + 2 * bound(nearest)) << f; });
-      frames[s] = left;
-    }
-    if (wanted[s] & OTHER) {
-      other_near[s] = FAR;
-      other_far[s] = -FAR;
-      each(frames[s], [&](int f) {
-        const double distance = other->distance(starts[s] + f, other_query);
-        other_near[s] = std::min(other_near[s], distance - bound(distance));
-        other_far[s] = std::max(other_far[s], distance + bound(distance));
-      });
-    }
-  }
-}
+namespace {
 
-// Lists the sequences that may have one of the k smallest sums of the ranks of one or two distances, and
-// returns how many there are. Histograms count those that lie below another one for certain, or may.
-extern "C" int64_t list_contenders(int64_t k, int64_t sequences, const uint64_t* frames, const double* near,
-                                   const double* far, const double* other_near, const double* other_far,
-                                   int32_t* fewest, int64_t* contenders) {
-  constexpr int BINS = 1024;
-  std::fill(fewest, fewest + 2 * sequences, 0);
-  int32_t* most = fewest + sequences;
-  for (int turn = 0; turn < (other_near ? 2 : 1); turn++) {
-    const double* low = turn ? other_near : near;
-    const double* high = turn ? other_far : far;
-    double smallest = FAR, largest = -FAR;
-    for (int64_t s = 0; s < sequences; s++) {
-      if (!frames[s]) continue;
-      smallest = std::min(smallest, low[s]);
-      largest = std::max(largest, low[s]);
-    }
-    const double scale = (BINS - 1) / std::max(largest - smallest, 1e-30);
-    const auto bin = [=](double distance) {
-      return int(std::min((distance - smallest) * scale, BINS - 1.));
-    };
-    int32_t begun[BINS] = {}, over[BINS + 1] = {};
-    for (int64_t s = 0; s < sequences; s++) {
-      if (!frames[s]) continue;
-      begun[bin(low[s])]++;
-      over[bin(high[s]) + 1]++;
-    }
-    for (int b = 1; b < BINS; b++) {
-      begun[b] += begun[b - 1];
-      over[b] += over[b - 1];
-    }
-    for (int64_t s = 0; s < sequences; s++) {
-      if (!frames[s]) continue;
-      fewest[s] += over[bin(low[s])];
-      most[s] += begun[bin(high[s])];
+// The bounds of one or two distances of all sequences, and what they say about their ranks. Histograms count the
+// sequences that begin below a distance, and those that end below it.
+struct Bounded {
+  static constexpr int BINS = 1024;
+  const int64_t sequences;
+  uint64_t* const frames;
+  double *const near[2], *const far[2];
+  const int distances = near[1] ? 2 : 1;
+  double smallest[2], scale[2];
+  int32_t begun[2][BINS] = {}, over[2][BINS] = {};
+
+  Bounded(int64_t sequences, uint64_t* frames, double* near, double* far, double* other_near, double* other_far)
+      : sequences(sequences), frames(frames), near{near, other_near}, far{far, other_far} {
+    std::vector<int32_t> bins(sequences);
+    for (int d = 0; d < distances; d++) {
+      double least = FAR, largest = 0;
+      for (int64_t s = 0; s < sequences; s++) {
+        const double low = this->near[d][s];
+        least = std::min(least, low);
+        largest = std::max(largest, low < FAR ? low : 0);
+      }
+      smallest[d] = least;
+      scale[d] = (BINS - 1) / std::max(largest - least, 1e-30);
+      for (int64_t s = 0; s < sequences; s++) bins[s] = bin(d, this->near[d][s]);
+      for (int64_t s = 0; s < sequences; s++) begun[d][bins[s]]++;
+      for (int64_t s = 0; s < sequences; s++) bins[s] = bin(d, this->far[d][s]);
+      for (int64_t s = 0; s < sequences; s++) over[d][bins[s]]++;
     }
   }
 
-  int32_t best[16];  // the k smallest of `most`, in rising order
-  std::fill(best, best + k, INT32_MAX);
-  for (int64_t s = 0; s < sequences; s++) {
-    if (!frames[s] || most[s] >= best[k - 1]) continue;
-    int place = int(k) - 1;
-    for (; place > 0 && best[place - 1] > most[s]; place--) best[place] = best[place - 1];
-    best[place] = most[s];
+  INLINE int32_t bin(int d, double distance) const {
+    return int32_t(std::min((distance - smallest[d]) * scale[d], BINS - 1.));
   }
-  // `most` counts a sequence itself once for each distance.
-  const int32_t limit = best[k - 1] - (other_near ? 2 : 1);
-  int64_t count = 0;
+
+  // Draws the bounds of a distance together.
+  INLINE void draw_together(int d, int64_t s, double low, double high) {
+    begun[d][bin(d, near[d][s])]--;
+    over[d][bin(d, far[d][s])]--;
+    near[d][s] = std::max(near[d][s], low);
+    far[d][s] = std::min(far[d][s], high);
+    begun[d][bin(d, near[d][s])]++;
+    over[d][bin(d, far[d][s])]++;
+  }
+
+  // Keeps, of some sequences, those that may have one of the k smallest sums of ranks, the likeliest first.
+  void narrow(int64_t k, std::vector<int64_t>& contenders) const {
+    std::vector<int32_t> fewest(contenders.size()), most(contenders.size());
+    for (int d = 0; d < distances; d++) {
+      int32_t may[BINS], must[BINS];  // lie below the sequences of a bin
+      for (int b = 0, begin = 0, end = 0; b < BINS; b++) {
+        must[b] = end;
+        may[b] = begin += begun[d][b];
+        end += over[d][b];
+      }
+      for (size_t i = 0; i < contenders.size(); i++) {
+        fewest[i] += must[bin(d, near[d][contenders[i]])];
+        most[i] += may[bin(d, far[d][contenders[i]])] - 1;  // it counts the sequence itself
+      }
+    }
+    std::vector<int32_t> best(most);
+    std::nth_element(best.begin(), best.begin() + (k - 1), best.end());
+    std::vector<std::pair<int32_t, int64_t>> left;
+    for (size_t i = 0; i < contenders.size(); i++)
+      if (fewest[i] <= best[k - 1]) left.emplace_back(most[i], contenders[i]);
+    std::sort(left.begin(), left.end());
+    contenders.clear();
+    for (const auto& one : left) contenders.push_back(one.second);
+  }
+
+  // The bits of the distances of each sequence whose bounds meet those of a contender: that rank is open.
+  std::vector<uint8_t> crossed(const int64_t* contenders, int64_t count) const {
+    std::vector<uint8_t> bits(sequences);
+    std::vector<double> lows(count), highs(count);
+    for (int d = 0; d < distances; d++) {
+      for (int64_t i = 0; i < count; i++) {
+        lows[i] = near[d][contenders[i]];
+        highs[i] = far[d][contenders[i]];
+      }
+      std::sort(lows.begin(), lows.end());
+      std::sort(highs.begin(), highs.end());
+      for (int64_t s = 0; s < sequences; s++) {
+        if (near[d][s] > highs[count - 1] || far[d][s] < lows[0] || !frames[s]) continue;
+        const int64_t place = std::lower_bound(highs.begin(), highs.end(), near[d][s]) - highs.begin();
+        bits[s] |= (lows[place] <= far[d][s]) << d;
+      }
+    }
+    return bits;
+  }
+
+  // Draws the bounds of some distances together by the finer codes of poses, and leaves the frames that stay.
+  void refine(const std::vector<uint8_t>& bits, const Poses& poses, const Sounds& sounds) {
+    std::vector<int64_t> list;
+    for (int64_t s = 0; s < sequences; s++)
+      if (bits[s]) list.push_back(s);
+    const int64_t listed = list.size();
+    for (int64_t i = 0; i < listed + AHEAD; i++) {
+      if (i < listed) poses.ask_for(list[i], frames[list[i]]);
+      if (i < listed && bits[list[i]] & 2) sounds.ask_for(list[i], frames[list[i]]);
+      if (i < AHEAD) continue;
+      const int64_t s = list[i - AHEAD];
+      double low, high;
+      if (bits[s] & 1 || frames[s] & (frames[s] - 1)) {
+        poses.scan(s, frames[s], low, high, frames[s]);
+        draw_together(0, s, low, high);
+      }
+      if (bits[s] & 2) {
+        sounds.compare(s, frames[s], low, high);
+        draw_together(1, s, low, high);
+      }
+    }
+  }
+};
+
+}  // namespace
+
+// Lists the sequences with a distance whose rank beside some contenders is open, and returns how many there are.
+extern "C" int64_t list_crossing(int64_t sequences, uint64_t* frames, double* near, double* far,
+                                 double* other_near, double* other_far, const int64_t* contenders,
+                                 int64_t count, int64_t* crossing) {
+  const Bounded bounded(sequences, frames, near, far, other_near, other_far);
+  const auto bits = bounded.crossed(contenders, count);
+  int64_t listed = 0;
   for (int64_t s = 0; s < sequences; s++)
-    if (frames[s] && fewest[s] <= limit) contenders[count++] = s;
-  return count;
+    if (bits[s]) crossing[listed++] = s;
+  return listed;
 }
 
-// Sets a bit of the sequences whose bounds meet any of some intervals, which rise on both sides.
-extern "C" void mark_crossing(const double* lows, const double* highs, int64_t count, const double* near,
-                              const double* far, int64_t sequences, const uint64_t* frames, int64_t bit,
-                              uint8_t* crossed) {
-  for (int64_t s = 0; s < sequences; s++) {
-    if (!frames[s] || near[s] > highs[count - 1]) continue;
-    const int64_t place = std::lower_bound(highs, highs + count, near[s]) - highs;
-    if (lows[place] <= far[s]) crossed[s] |= bit;
+// Lists the sequences that may have one of the k smallest sums of ranks, and returns how many there are. Where
+// there are finer codes, the bounds of those that may are drawn together by them, then of whatever leaves the
+// ranks of the likeliest open, and then of the others.
+extern "C" int64_t find_contenders(int64_t sequences, uint64_t* frames, double* near, double* far,
+                                   double* other_near, double* other_far, int64_t k,
+                                   const FrameCodes* pose_codes, const FrameQuery* pose_query,
+                                   const FrameCodes* sound_codes, const FrameQuery* sound_query,
+                                   int64_t* listed) {
+  Bounded bounded(sequences, frames, near, far, other_near, other_far);
+  std::vector<int64_t> contenders;
+  for (int64_t s = 0; s < sequences; s++)
+    if (frames[s]) contenders.push_back(s);
+  bounded.narrow(k, contenders);
+  if (pose_codes) {
+    const Poses poses{*pose_codes, *pose_query};
+    const Sounds sounds = sound_codes ? Sounds{*sound_codes, *sound_query} : Sounds{};
+    std::vector<uint8_t> both(sequences);
+    for (const int64_t s : contenders) both[s] = sound_codes ? 3 : 1;
+    bounded.refine(both, poses, sounds);
+    bounded.narrow(k, contenders);
+    bounded.refine(bounded.crossed(contenders.data(), k), poses, sounds);
+    bounded.narrow(k, contenders);
+    bounded.refine(bounded.crossed(contenders.data(), contenders.size()), poses, sounds);
+    bounded.narrow(k, contenders);
   }
+  std::sort(contenders.begin(), contenders.end());
+  std::copy(contenders.begin(), contenders.end(), listed);
+  return contenders.size();
 }
 
 // Counts, for each of some known distances in rising order, those between the one before and it. Ties are in

@@ -15,8 +15,8 @@ def _record(*members: tuple, floats: str) -> np.dtype:
     return np.dtype([*members, *((name, np.float32) for name in floats.split())])
 
 
-POSE_QUERY = _record(("weights", np.int16, (4, 24)), floats="step square error rounding")
-"""A pose query in numbers that fit the codes of poses."""
+POSE_QUERY = _record(("weights", np.int16, (8, 4, 2)), floats="step square error rest rounding")
+"""A pose query in numbers that fit the codes of poses: of pairs of axes, for each of the poses stacked."""
 
 FRAME_QUERY = _record(("weights", np.int16, 112), floats="step square error rounding")
 """A query in numbers that fit the codes of frames."""
@@ -36,18 +36,13 @@ def addresses(*members: np.ndarray | int) -> np.ndarray:
     return np.array([one.ctypes.data if isinstance(one, np.ndarray) else one for one in members], np.int64)
 
 
-def call(name: str, *arguments: np.ndarray | int | None) -> int:
-    """Call a function of kernels.cpp; None stands for no array. What it returns, if anything, is an int."""
-    passed = [ctypes.c_int64(one) if isinstance(one, int) else _pointer(one) for one in arguments]
-    return int(_LIBRARY[name](*passed))
-
-
-def _pointer(array: np.ndarray | None) -> ctypes.c_void_p:
+def pointer(array: np.ndarray | None) -> ctypes.c_void_p:
+    """The address of an array, which must be kept alive, for call; None stands for no array."""
     return ctypes.c_void_p(None if array is None else array.ctypes.data)
 
 
-def eligible_words(mask: np.ndarray) -> np.ndarray:
-    """(S,) uint64 bits of the frames at which a window may begin, from a mask (S, 64) of bool."""
-    words = np.empty(len(mask), np.uint64)
-    call("eligible_words", np.ascontiguousarray(mask, bool), len(mask), words)
-    return words
+def call(name: str, *arguments: np.ndarray | ctypes.c_void_p | int | None) -> int:
+    """Call a function of kernels.cpp. What it returns, if anything, is an int."""
+    passed = [ctypes.c_int64(one) if isinstance(one, int) else one for one in arguments]
+    passed = [pointer(one) if isinstance(one, np.ndarray) else one for one in passed]
+    return int(getattr(_LIBRARY, name)(*passed))

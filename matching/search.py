@@ -9,8 +9,7 @@ import numpy as np
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching import kernels
-from gesture_bot.matching.codes import FrameCodes, PoseCodes, bounds
+from gesture_bot.matching.codes import FrameCodes, PoseCodes
 from gesture_bot.matching.contest import Contest, Distances
 from gesture_bot.matching.features import poses, sounds
 
@@ -91,25 +90,15 @@ class Search:
         self._starts = database.starts
         self._poses, self._sounds = poses(database), sounds(database)
         self._compared = 0
-        self._codes(preselection)
+        self._sound_frames, self._pose_frames = (
+            FrameCodes(stream, self._starts) for stream in (self._sounds, self._poses)
+        )
+        if preselection != "audio":
+            self._pose_codes  # noqa: B018
 
     @cached_property
     def _pose_codes(self) -> PoseCodes:
         return PoseCodes(self._poses, self._starts)
-
-    @cached_property
-    def _sound_frames(self) -> FrameCodes:
-        return FrameCodes(self._sounds, self._starts)
-
-    @cached_property
-    def _pose_frames(self) -> FrameCodes:
-        return FrameCodes(self._poses, self._starts)
-
-    def _codes(self, preselection: Preselection) -> tuple[PoseCodes | FrameCodes, FrameCodes]:
-        """Codes to choose frames by, and codes to compare them by."""
-        if preselection == "audio":
-            return self._sound_frames, self._pose_frames
-        return self._pose_codes, self._sound_frames
 
     def row(self, sequence: int, frame: int) -> int:
         """Row of the database at which a frame of a sequence lies."""
@@ -160,26 +149,24 @@ class Search:
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
         pose, audio = (
-            Distances(stream, np.ascontiguousarray(query, np.float64))
-            for stream, query in ((self._poses, pose_query), (self._sounds, audio_query))
+            Distances(stream, query, codes.coded(query))
+            for stream, codes, query in (
+                (self._poses, self._pose_frames, np.ascontiguousarray(pose_query, np.float64)),
+                (self._sounds, self._sound_frames, np.ascontiguousarray(audio_query, np.float64)),
+            )
         )
-        chosen, other = (audio, pose) if preselection == "audio" else (pose, audio)
-        codes, other_codes = self._codes(preselection)
-        both = preselection != "pose_only"
-        words = kernels.eligible_words(mask)
-        chosen.near, chosen.far, frames, other.near, other.far = bounds(
-            codes, chosen.query, words, other_codes if both else None, other.query
-        )
-        contest = Contest(self._starts, frames, [chosen, other] if both else [chosen])
-        contest.choose(np.flatnonzero((chosen.near == 0) & (frames != 0)))
-        candidates = int(np.count_nonzero(frames))
+        ranked = {"pose": [pose, audio], "audio": [audio, pose], "pose_only": [pose]}[preselection]
+        first = None if preselection == "audio" else self._pose_codes.coded(pose.query)
+        contest = Contest(self._starts, mask, ranked, first)
+        candidates = contest.candidates
         if candidates == 0:
             return None
 
         winner = contest.winner(min(k, candidates))
         frame = int(contest.frame[winner])
         row = np.array([self.row(winner, frame)])
-        match = Match(winner, frame, float(pose.exact(row)[0]), float(audio.exact(row)[0]), candidates)
+        distances = (float(by.near[winner] if by in ranked else by.exact(row)[0]) for by in (pose, audio))
+        match = Match(winner, frame, *distances, candidates)
         self._compared += contest.compared
         if self._compared > KEPT:
             self._poses.release()
