@@ -11,18 +11,20 @@ import numpy as np
 from tqdm import tqdm
 
 from gesture_bot.corpus.database import SEQUENCE
-from gesture_bot.matching import kernels
 from gesture_bot.matching.features import Stream, cosine_distance, unit_rows
-from gesture_bot.matching.kernels import FRAME_QUERY, POSE_QUERY
-
-LEVELS = 4095
-"""Largest code of a number of a frame or of a query: 112 products of two add up in 32 bits."""
+from gesture_bot.matching.kernels import FRAME_CODES, FRAME_QUERY, PAIRS, POSE_CODES, POSE_QUERY
 
 AXES = 16
 """Principal axes on which poses are coded; beyond them lie 0.1% of the variance of the demo corpus."""
 
+FINER = 2 * PAIRS - AXES
+"""First axes of which what the code loses is coded, too: they would lose most."""
+
+BYTE, SHORT = 127, 4095
+"""Largest codes; with SHORT, 112 products of a code and a number of the query add up in 32 bits."""
+
 SAMPLE = 100_000
-"""Frames from which steps and axes are taken."""
+"""Frames from which axes and steps are taken."""
 
 TOGETHER = 512
 """Sequences that are coded at once."""
@@ -37,9 +39,8 @@ _UP = 1.00001
 class PoseCodes:
     """The poses of all sequences in bytes, on their principal axes; features are stacked when they are read.
 
-    What the other axes hold is at a right angle to these, so that its length bounds what it adds. The numbers
-    of a pose lie in pairs, those of all 64 frames together: this is the order in which one instruction
-    multiplies and adds sixteen of them.
+    What the other axes hold is at a right angle to these, so that its length bounds what it adds. The codes
+    lie in the order in which the search reads them; see kernels.cpp.
 
     Args:
         stream: Poses.
@@ -47,97 +48,102 @@ class PoseCodes:
     """
 
     def __init__(self, stream: Stream, starts: np.ndarray) -> None:
-        sample = stream.z_scored(_sample(stream))
+        sample = stream.z_scored(stream.frames[:: -(-len(stream.frames) // SAMPLE)])
         self._axes = np.linalg.eigh(sample.T @ sample)[1][:, : -AXES - 1 : -1]
-        self._steps = _largest(sample @ self._axes) / 127
-        count, self._greatest = len(starts), 0.0
-        # The last shifted read ends a little after the last sequence.
-        self.codes = np.zeros((count + 1, AXES // 2, SEQUENCE, 2), np.int8)
-        self.squares = np.empty((count, SEQUENCE), np.float32)
+        # Nearly all numbers keep within this; the few others are clipped.
+        largest = np.maximum(np.quantile(np.abs(sample @ self._axes), 0.9999, axis=0), 1e-3)
+        self._steps = np.append(largest / BYTE, largest[:FINER] / BYTE / (2 * BYTE))
+        count, self._greatest, self._longest = len(starts), 0.0, 0.0
+        self.codes = np.empty((count, 2, PAIRS, 4, 8, 2), np.int8)
+        self.squares = np.empty((count, 2, 4, 8), np.float32)
         self.errors, self.rests = np.empty((2, count), np.float32)
         for part, frames in _parts(stream, starts):
             on_axes = frames @ self._axes
-            rounded = _rounded(on_axes, self._steps, 127)
-            codes = rounded[:, :SEQUENCE].reshape(-1, SEQUENCE, AXES // 2, 2)
-            self.codes[part.start : part.start + len(codes)] = codes.transpose(0, 2, 1, 3)
+            codes = _rounded(on_axes, self._steps[:AXES], BYTE)
+            lost = on_axes[..., :FINER] - codes[..., :FINER] * self._steps[:FINER]
+            codes = np.concatenate([codes, _rounded(lost, self._steps[AXES:], BYTE)], axis=-1)
+            kept = codes * self._steps
+            kept[..., :FINER] += kept[..., AXES:]
+            kept = kept[..., :AXES]
             rests = _stacked(frames**2, stream.offsets) - _stacked(on_axes**2, stream.offsets)
-            squares = _stacked((rounded * self._steps) ** 2, stream.offsets) + rests
-            losses = _stacked((on_axes - rounded * self._steps) ** 2, stream.offsets)
-            self.squares[part] = squares
-            self.errors[part] = _UP * np.sqrt(losses.max(axis=1))
+            squares = _stacked(kept**2, stream.offsets) + rests
+            in_lanes = codes[:, :SEQUENCE].reshape(-1, 8, 4, 2, PAIRS, 2)
+            self.codes[part] = in_lanes.transpose(0, 3, 4, 2, 1, 5)
+            self.squares[part] = squares.reshape(-1, 8, 4, 2).transpose(0, 3, 2, 1)
+            self.errors[part] = _UP * np.sqrt(_stacked((on_axes - kept) ** 2, stream.offsets).max(axis=1))
             self.rests[part] = _UP * np.sqrt(np.maximum(rests.max(axis=1), 0))
+            lengths = np.sqrt(_stacked(codes.astype(np.float64) ** 2, stream.offsets))
+            self._longest = max(self._longest, float(lengths.max()))
             self._greatest = max(self._greatest, float(squares.max()))
-        self._addresses = kernels.addresses(self.codes, self.squares, self.errors, self.rests)
+        arrays = self.codes, self.squares, self.errors, self.rests
+        self.table = np.array(tuple(array.ctypes.data for array in arrays), POSE_CODES)
 
-    def coded(self, query: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The codes, and a POSE_QUERY of a pose feature (96,), for kernels.cpp."""
-        poses = query.reshape(-1, len(self._axes))
+    def query(self, feature: np.ndarray) -> np.ndarray:
+        """A POSE_QUERY of a pose feature (96,)."""
+        poses = feature.reshape(-1, len(self._axes))
         on_axes = poses @ self._axes
-        weights, step = _whole(on_axes * self._steps, 32767)
-        rounded = weights * step / self._steps
-        rest = max(float((poses**2).sum() - (on_axes**2).sum()), 0.0)
-        square, error = (rounded**2).sum() + rest, _UP * np.linalg.norm(rounded - on_axes)
+        wanted = np.concatenate([on_axes, on_axes[:, :FINER]], axis=1) * self._steps
+        weights, step = _whole(wanted, 32767)
+        square = float(feature @ feature)
+        rest = max(square - float((on_axes**2).sum()), 0.0)
         rounding = ROUNDING * (self._greatest + square)
-        pairs = weights.reshape(-1, AXES // 2, 2).transpose(1, 0, 2)
-        numbers = pairs, 2 * step, square, error, 2 * _UP * np.sqrt(rest), rounding
-        return self._addresses, np.array(numbers, POSE_QUERY)
+        rounding += 2 * self._longest * float(np.linalg.norm(weights * step - wanted))
+        in_pairs = weights.reshape(-1, PAIRS, 2).transpose(1, 0, 2)
+        return np.array((in_pairs, 2 * step, square, 2 * _UP * np.sqrt(rest), rounding), POSE_QUERY)
 
 
 class FrameCodes:
-    """The frames of all sequences in 16-bit numbers; features are stacked when they are read.
+    """The frames of all sequences in whole numbers; features are stacked when they are read.
 
     Even and odd frames lie apart, so that those of a feature lie side by side.
 
     Args:
         stream: Poses or sounds.
         starts: (S,) rows at which the sequences begin.
+        largest: BYTE or SHORT, the largest code.
     """
 
-    def __init__(self, stream: Stream, starts: np.ndarray) -> None:
-        self._cosine = stream.distance is cosine_distance
-        self._step = max(float(np.abs(frames).max()) for _, frames in _parts(stream, starts)) / LEVELS
-        count, self._greatest = len(starts), 0.0
+    def __init__(self, stream: Stream, starts: np.ndarray, largest: int) -> None:
+        cosine = stream.distance is cosine_distance
+        step = max(float(np.abs(frames).max()) for _, frames in _parts(stream, starts)) / largest
+        count, greatest = len(starts), 0.0
         reach, numbers = int(stream.offsets[-1]), len(stream.columns)
-        self.codes = np.empty((count, 2, (SEQUENCE + reach) // 2, numbers), np.int16)
+        code = np.int8 if largest == BYTE else np.int16
+        self.codes = np.empty((count, 2, (SEQUENCE + reach) // 2, numbers), code)
         self.lengths = np.empty((count, SEQUENCE), np.float32)
         self.errors = np.empty(count, np.float32)
         for part, frames in _parts(stream, starts):
-            rounded = _rounded(frames, self._step, LEVELS)
+            rounded = _rounded(frames, step, largest)
             self.codes[part] = rounded.reshape(len(rounded), -1, 2, numbers).transpose(0, 2, 1, 3)
-            lengths = np.sqrt(_stacked((rounded * self._step) ** 2, stream.offsets))
-            losses = np.sqrt(_stacked((frames - rounded * self._step) ** 2, stream.offsets))
-            self._greatest = max(self._greatest, float(lengths.max()))
-            if self._cosine:
+            lengths = np.sqrt(_stacked((rounded * step) ** 2, stream.offsets))
+            losses = np.sqrt(_stacked((frames - rounded * step) ** 2, stream.offsets))
+            greatest = max(greatest, float(lengths.max()))
+            if cosine:
                 # Of unit vectors, the loss is at most 2 * loss / (both lengths), and never more than 2.
                 losses = np.minimum(losses / np.maximum(lengths - losses / 2, 1e-9), 2)
                 losses[lengths < 1e-6] = 2
                 lengths = 1 / np.maximum(lengths, 1e-6)
             self.lengths[part] = lengths
             self.errors[part] = _UP * losses.max(axis=1) + 1e-7
-        self._addresses = kernels.addresses(self.codes, self.lengths, self.errors)
-
-    def coded(self, query: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The codes, and a FRAME_QUERY of a feature, (96,) of poses or (112,) of sounds, for kernels.cpp."""
-        if self._cosine:
-            query = unit_rows(query[None])[0]
-        whole, step = _whole(query, LEVELS)
-        rounded = whole * step
-        error = _UP * np.sqrt(((query - rounded) ** 2).sum())
-        square = query @ query if self._cosine else rounded @ rounded
-        rounding = ROUNDING * (1.0 if self._cosine else self._greatest**2 + square)
-        weights = np.zeros(112, np.int16)
-        weights[: len(whole)] = whole
-        numbers = weights, step * self._step, square, error, rounding
-        return self._addresses, np.array(numbers, FRAME_QUERY)
+        addresses = (array.ctypes.data for array in (self.codes, self.lengths, self.errors))
+        rounding = ROUNDING * (1.0 if cosine else greatest**2)
+        self.table = np.array((*addresses, step, rounding), FRAME_CODES)
 
 
-def _sample(stream: Stream) -> np.ndarray:
-    return stream.frames[:: -(-len(stream.frames) // SAMPLE)]
-
-
-def _largest(numbers: np.ndarray) -> np.ndarray:
-    """(d,) what nearly all numbers (n, d) keep within; the few others are clipped."""
-    return np.maximum(np.quantile(np.abs(numbers), 0.9999, axis=0), 1e-3)
+def frame_query(stream: Stream, feature: np.ndarray) -> np.ndarray:
+    """A FRAME_QUERY of a feature of a stream, (96,) of poses or (112,) of sounds."""
+    cosine = stream.distance is cosine_distance
+    if cosine:
+        feature = unit_rows(feature[None])[0]
+    whole, step = _whole(feature, SHORT)
+    rounded = whole * step
+    lost = feature - rounded
+    error = _UP * np.sqrt(lost @ lost)
+    square = feature @ feature if cosine else rounded @ rounded
+    rounding = 0.0 if cosine else ROUNDING * square
+    weights = np.zeros(112, np.int16)
+    weights[: len(whole)] = whole
+    return np.array((weights, step, square, error, rounding), FRAME_QUERY)
 
 
 def _parts(stream: Stream, starts: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:

@@ -3,13 +3,11 @@
 import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from gesture_bot.base.keypoints import INDEX, MATCHED
 from gesture_bot.corpus.database import Database
-from gesture_bot.matching import kernels
 from gesture_bot.speech.features import STATIC
 
 POSE_OFFSETS = np.arange(0, 8, 2)
@@ -37,14 +35,6 @@ class Stream:
     deviation: np.ndarray
     offsets: np.ndarray
     distance: Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-    @cached_property
-    def addresses(self) -> np.ndarray:
-        """The stream as kernels.cpp sees it."""
-        sizes = len(self.columns), len(self.offsets)
-        return kernels.addresses(
-            self.frames, self.frames.shape[1], self.columns, self.mean, self.deviation, *sizes
-        )
 
     def z_scored(self, frames: np.ndarray) -> np.ndarray:
         """Frames (..., m) as (..., d) float64, in standard deviations from the mean."""

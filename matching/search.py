@@ -9,7 +9,7 @@ import numpy as np
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching.codes import FrameCodes, PoseCodes
+from gesture_bot.matching.codes import BYTE, SHORT, FrameCodes, PoseCodes, frame_query
 from gesture_bot.matching.contest import Contest, Distances
 from gesture_bot.matching.features import poses, sounds
 
@@ -23,10 +23,6 @@ MAX_K = 15
 
 POSITIONS = SEQUENCE - WINDOW + 1
 """Frames of a sequence at which a window can begin."""
-
-KEPT = 2000
-"""Of a mapped file, what was read for so many sequences is kept in memory before it is given back."""
-
 
 @dataclass(frozen=True)
 class Match:
@@ -89,15 +85,15 @@ class Search:
     def __init__(self, database: Database, preselection: Preselection = "pose") -> None:
         self._starts = database.starts
         self._poses, self._sounds = poses(database), sounds(database)
-        self._compared = 0
-        self._sound_frames, self._pose_frames = (
-            FrameCodes(stream, self._starts) for stream in (self._sounds, self._poses)
+        self._pose_frames = FrameCodes(self._poses, self._starts, SHORT)
+        self._sound_bytes, self._sound_frames = (
+            FrameCodes(self._sounds, self._starts, largest) for largest in (BYTE, SHORT)
         )
         if preselection != "audio":
-            self._pose_codes  # noqa: B018
+            self._pose_bytes  # noqa: B018
 
     @cached_property
-    def _pose_codes(self) -> PoseCodes:
+    def _pose_bytes(self) -> PoseCodes:
         return PoseCodes(self._poses, self._starts)
 
     def row(self, sequence: int, frame: int) -> int:
@@ -148,27 +144,37 @@ class Search:
         """
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
-        pose, audio = (
-            Distances(stream, query, codes.coded(query))
-            for stream, codes, query in (
-                (self._poses, self._pose_frames, np.ascontiguousarray(pose_query, np.float64)),
-                (self._sounds, self._sound_frames, np.ascontiguousarray(audio_query, np.float64)),
-            )
+        pose_query, audio_query = (
+            np.ascontiguousarray(query, np.float64) for query in (pose_query, audio_query)
         )
+        pose = Distances(self._poses, pose_query, len(self._starts))
+        audio = Distances(self._sounds, audio_query, len(self._starts))
         ranked = {"pose": [pose, audio], "audio": [audio, pose], "pose_only": [pose]}[preselection]
-        first = None if preselection == "audio" else self._pose_codes.coded(pose.query)
-        contest = Contest(self._starts, mask, ranked, first)
+        by_sound = preselection == "audio"
+        contest = Contest(
+            self._starts, mask, k, ranked, by_sound, self._tables(pose_query, audio_query, by_sound)
+        )
         candidates = contest.candidates
         if candidates == 0:
             return None
-
         winner = contest.winner(min(k, candidates))
-        frame = int(contest.frame[winner])
+        frame = contest.frame(winner)
         row = np.array([self.row(winner, frame)])
         distances = (float(by.near[winner] if by in ranked else by.exact(row)[0]) for by in (pose, audio))
-        match = Match(winner, frame, *distances, candidates)
-        self._compared += contest.compared
-        if self._compared > KEPT:
-            self._poses.release()
-            self._compared = 0
-        return match
+        self._poses.release()
+        return Match(winner, frame, *distances, candidates)
+
+    def _tables(self, pose: np.ndarray, audio: np.ndarray, by_sound: bool) -> list[np.ndarray]:
+        """All codes, each with a query, as kernels.cpp takes them."""
+        pose_query, sound_query = frame_query(self._poses, pose), frame_query(self._sounds, audio)
+        first = self._pose_frames if by_sound else self._pose_bytes
+        return [
+            first.table,
+            pose_query if by_sound else self._pose_bytes.query(pose),
+            self._pose_frames.table,
+            pose_query,
+            self._sound_bytes.table,
+            sound_query,
+            self._sound_frames.table,
+            sound_query,
+        ]
