@@ -1,5 +1,7 @@
 """One search through all sequences: bounds of distances bound ranks, and what they leave open is looked up."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gesture_bot.corpus.database import SEQUENCE
@@ -11,22 +13,23 @@ class Distances:
     """The distances of all sequences from a query, by one stream; a known one is its own bound.
 
     Attributes:
+        query: (d,) float64.
         near: (S,) float64 bound from below.
         far: (S,) float64 bound from above.
 
     Args:
         stream: Poses or sounds.
-        query: The feature searched for.
+        query: (d,) feature searched for.
         sequences: S.
     """
 
     def __init__(self, stream: Stream, query: np.ndarray, sequences: int) -> None:
-        self._stream, self._query = stream, query
+        self._stream, self.query = stream, query
         self.near, self.far = np.empty((2, sequences))
 
     def exact(self, rows: np.ndarray) -> np.ndarray:
         """Distances of the features that begin at some rows."""
-        return self._stream.distance(self._stream.at(rows), self._query)
+        return self._stream.distance(self._stream.at(rows), self.query)
 
     def know(self, sequences: np.ndarray, distances: np.ndarray) -> None:
         """Take in the distances of some sequences."""
@@ -40,9 +43,9 @@ class Contest:
         starts: (S,) rows at which the sequences begin.
         mask: (S, 64) bool control mask.
         k: How many places matter.
-        ranked: One or two distances, by the first of which the frame within a sequence is chosen.
-        by_sound: Whether that is the distance of the sound.
-        tables: Codes and queries, for kernels.cpp.
+        tables: Codes of poses in bytes, of poses, of sounds in bytes, and of sounds.
+        ranked: One or two of `pose` and `sound`, by the first of which the frame within a sequence is chosen.
+        pose, sound: Distances.
     """
 
     def __init__(
@@ -50,20 +53,18 @@ class Contest:
         starts: np.ndarray,
         mask: np.ndarray,
         k: int,
-        ranked: list[Distances],
-        by_sound: bool,
-        tables: list[np.ndarray],
+        tables: Sequence[np.ndarray],
+        ranked: Sequence[Distances],
+        pose: Distances,
+        sound: Distances,
     ) -> None:
         self._starts, self._ranked = starts, ranked
         self._frames = np.empty(len(starts), np.uint64)
         listed, counts = np.empty(len(starts), np.int64), np.empty(2, np.int64)
+        settings = int(ranked[0] is sound), len(starts), np.ascontiguousarray(mask, bool), k
         bounds = [bound for by in ranked for bound in (by.near, by.far)]
         bounds += [None] * (4 - len(bounds))
-        allowed = np.ascontiguousarray(mask, bool)
-        addresses = np.array([table.ctypes.data for table in tables])
-        call(
-            "find", int(by_sound), len(starts), allowed, k, addresses, self._frames, *bounds, listed, counts
-        )
+        call("find", *settings, *tables, pose.query, sound.query, self._frames, *bounds, listed, counts)
         contenders, looked_up = counts
         self._look_up(listed[:looked_up])
         self._contenders = listed[:contenders][self._frames[listed[:contenders]] != 0]

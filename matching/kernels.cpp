@@ -17,48 +17,59 @@
 namespace {
 
 constexpr int WINDOWS = 64, LANES = 8, STACK = 4;
-constexpr int PAIRS = 10;       // of coded numbers of a pose
-constexpr int AHEAD = 16;       // sequences from asking for memory to reading it
+constexpr int POSE = 24;        // numbers of a pose
+constexpr int AXES = 16, PAIRS = 10;  // of a coded pose; the numbers beyond AXES are finer ones of the first axes
+constexpr int BLOCK = 64;      // sequences that are bounded together
+constexpr int AHEAD = 16;       // windows from asking for their memory to reading it
 constexpr float NEVER = 1e30f;  // more than any distance and its square
 constexpr double FAR = 1e300;   // of a sequence that is out, or may be
 
+using Shorts = int16_t __attribute__((vector_size(4 * LANES)));
 using Ints = int32_t __attribute__((vector_size(4 * LANES)));
 using Floats = float __attribute__((vector_size(4 * LANES)));
 
+// Made by codes.py, in this order.
 struct PoseCodes {
   const int8_t* codes;   // (S, 2, PAIRS, 4, LANES, 2), see BytePoses
   const float* squares;  // (S, 2, 4, LANES)
   const float* errors;   // (S,)
   const float* rests;    // (S,)
-};
-
-struct PoseQuery {
-  int16_t weights[PAIRS][STACK][2];
-  float step, square, rest, rounding;
+  const double* axes;    // (24, AXES)
+  const double* steps;   // (2 * PAIRS,)
+  double greatest, longest;
 };
 
 struct FrameCodes {
-  const void* codes;     // (S, 2, n, numbers of a frame): the even frames, and the odd ones
+  const void* codes;     // (S, frames, numbers of a frame)
   const float* lengths;  // (S, 64), of sounds their inverses
   const float* errors;   // (S,)
-  float step, rounding;
-};
-
-struct FrameQuery {
-  int16_t weights[112];
-  float step, square, error, rounding;
+  double step, greatest;
 };
 
 struct Bounds {
   float low, high;
 };
 
-INLINE Bounds roots(float low, float high, float error) {
-  return {std::sqrt(std::max(low, 0.f)) - error, std::sqrt(std::max(high, 0.f)) + error};
+// Bound of the rounding error of a sum in single precision, as a share of the squares that go into it.
+constexpr double ROUNDING = 1e-5;
+// Factor on a bound, so that it stays one when it is rounded itself.
+constexpr double UP = 1.00001;
+
+// Numbers as whole numbers from -largest to largest, and their step; returns the square of what they lose.
+double whole(const double* numbers, int count, int largest, int16_t* codes, double& step) {
+  step = 1e-9;
+  for (int i = 0; i < count; i++) step = std::max(step, std::abs(numbers[i]));
+  step /= largest;
+  double lost = 0;
+  for (int i = 0; i < count; i++) {
+    codes[i] = int16_t(std::lrint(numbers[i] / step));
+    lost += (numbers[i] - codes[i] * step) * (numbers[i] - codes[i] * step);
+  }
+  return lost;
 }
 
-INLINE void prefetch(const void* begin, int bytes) {
-  for (int at = 0; at < bytes; at += 64) __builtin_prefetch(static_cast<const char*>(begin) + at);
+INLINE Bounds roots(float low, float high, float error) {
+  return {std::sqrt(std::max(low, 0.f)) - error, std::sqrt(std::max(high, 0.f)) + error};
 }
 
 template <class Do>
@@ -66,23 +77,42 @@ INLINE void each(uint64_t set, Do&& act) {
   for (; set; set &= set - 1) act(__builtin_ctzll(set));
 }
 
-// Pairs of codes of eight frames times a pair of weights; the numbers of the next lanes; the bytes of a word.
-#ifdef __AVX2__
-INLINE Ints multiplied(const int8_t* codes, const int16_t* weights) {
-  int32_t pair;
-  std::memcpy(&pair, weights, sizeof pair);
-  const __m256i numbers = _mm256_cvtepi8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(codes)));
-  return Ints(_mm256_madd_epi16(numbers, _mm256_set1_epi32(pair)));
+// Sixteen codes as numbers; a pair of them, eight times; sums of the products of each pair of two; the numbers of
+// the next lanes; the bytes of a word.
+INLINE Shorts loaded(const int16_t* codes) {
+  Shorts numbers;
+  std::memcpy(&numbers, codes, sizeof numbers);
+  return numbers;
 }
+#ifdef __AVX2__
+INLINE Shorts loaded(const int8_t* codes) {
+  return Shorts(_mm256_cvtepi8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(codes))));
+}
+INLINE Shorts repeated(const int16_t* pair) {
+  int32_t both;
+  std::memcpy(&both, pair, sizeof both);
+  return Shorts(_mm256_set1_epi32(both));
+}
+INLINE Ints products(Shorts a, Shorts b) { return Ints(_mm256_madd_epi16(__m256i(a), __m256i(b))); }
 INLINE Ints of_next_lane(Ints numbers) {
   return Ints(_mm256_permutevar8x32_epi32(__m256i(numbers), _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 7)));
 }
 INLINE Ints bytes_of(uint64_t word) { return Ints(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(int64_t(word)))); }
 #else
-INLINE Ints multiplied(const int8_t* codes, const int16_t* weights) {
-  Ints products;
-  for (int l = 0; l < LANES; l++) products[l] = codes[2 * l] * weights[0] + codes[2 * l + 1] * weights[1];
-  return products;
+INLINE Shorts loaded(const int8_t* codes) {
+  Shorts numbers;
+  for (int i = 0; i < 2 * LANES; i++) numbers[i] = codes[i];
+  return numbers;
+}
+INLINE Shorts repeated(const int16_t* pair) {
+  Shorts numbers;
+  for (int i = 0; i < 2 * LANES; i++) numbers[i] = pair[i % 2];
+  return numbers;
+}
+INLINE Ints products(Shorts a, Shorts b) {
+  Ints sums;
+  for (int l = 0; l < LANES; l++) sums[l] = a[2 * l] * b[2 * l] + a[2 * l + 1] * b[2 * l + 1];
+  return sums;
 }
 INLINE Ints of_next_lane(Ints numbers) {
   Ints next;
@@ -102,7 +132,28 @@ INLINE Ints bytes_of(uint64_t word) {
 struct BytePoses {
   static constexpr int VECTORS = WINDOWS / LANES / 2;
   const PoseCodes c;
-  const PoseQuery q;
+  int16_t weights[PAIRS][STACK][2];  // of each pair of numbers, for each of the poses stacked
+  float step, square, rest, rounding;
+
+  BytePoses(const PoseCodes& codes, const double* feature) : c(codes) {
+    double wanted[STACK][2 * PAIRS], whole_square = 0, on_axes = 0, scale;
+    for (int o = 0; o < STACK; o++)
+      for (int n = 0; n < 2 * PAIRS; n++) {
+        double number = 0;
+        for (int i = 0; i < POSE; i++) number += feature[o * POSE + i] * c.axes[i * AXES + n % AXES];
+        if (n < AXES) on_axes += number * number;
+        wanted[o][n] = number * c.steps[n];
+      }
+    for (int i = 0; i < STACK * POSE; i++) whole_square += feature[i] * feature[i];
+    int16_t codes_[STACK][2 * PAIRS];
+    const double lost = whole(wanted[0], STACK * 2 * PAIRS, INT16_MAX, codes_[0], scale);
+    for (int o = 0; o < STACK; o++)
+      for (int n = 0; n < 2 * PAIRS; n++) weights[n / 2][o][n % 2] = codes_[o][n];
+    step = float(2 * scale);
+    square = float(whole_square);
+    rest = float(2 * UP * std::sqrt(std::max(whole_square - on_axes, 0.)));
+    rounding = float(ROUNDING * (c.greatest + whole_square) + 2 * c.longest * std::sqrt(lost));
+  }
 
   static INLINE int32_t bit(int odd, int i) { return 1 << (2 * i + odd); }
 
@@ -110,76 +161,118 @@ struct BytePoses {
     Ints sums[VECTORS + STACK - 1] = {};
     const int8_t* codes = c.codes + (2 * s + odd) * PAIRS * VECTORS * LANES * 2;
 #pragma GCC unroll 1  // all of them at once would not fit the registers
-    for (int a = 0; a < PAIRS; a++)
-      for (int i = 0; i < VECTORS; i++, codes += 2 * LANES)
-        for (int o = 0; o < STACK; o++) sums[i - o + STACK - 1] += multiplied(codes, q.weights[a][o]);
+    for (int a = 0; a < PAIRS; a++) {
+      Shorts pairs[STACK];
+      for (int o = 0; o < STACK; o++) pairs[o] = repeated(weights[a][o]);
+#pragma GCC unroll 4
+      for (int i = 0; i < VECTORS; i++, codes += 2 * LANES) {
+        const Shorts numbers = loaded(codes);
+#pragma GCC unroll 4
+        for (int o = 0; o < STACK; o++) sums[i - o + STACK - 1] += products(numbers, pairs[o]);
+      }
+    }
     for (int i = 0; i < VECTORS; i++) {
       if (i > 0) sums[i + STACK - 1] += of_next_lane(sums[i - 1]);
       Floats own;
       std::memcpy(&own, c.squares + ((2 * s + odd) * VECTORS + i) * LANES, sizeof own);
-      squares[i] = own + q.square - __builtin_convertvector(sums[i + STACK - 1], Floats) * q.step;
+      squares[i] = own + square - __builtin_convertvector(sums[i + STACK - 1], Floats) * step;
     }
   }
 
-  // Bounds the smallest distance of a sequence, and finds the frames that may have it.
-  INLINE void scan(int64_t s, uint64_t word, double& near, double& far, uint64_t& frames) const {
+  struct Measured {
+    Floats squares[2 * VECTORS];
+  };
+
+  INLINE void measure(int64_t s, uint64_t word, Measured& measured) const {
     const Ints words = bytes_of(word);
-    Floats squares[2][VECTORS], least = Floats{} + NEVER;
+#pragma GCC unroll 2
     for (int odd = 0; odd < 2; odd++) {
-      square_distances(s, odd, squares[odd]);
-      for (int i = 0; i < VECTORS; i++) {
-        squares[odd][i] = (words & bit(odd, i)) != 0 ? squares[odd][i] : NEVER;
-        least = squares[odd][i] < least ? squares[odd][i] : least;
-      }
+      Floats* squares = measured.squares + odd * VECTORS;
+      square_distances(s, odd, squares);
+      for (int i = 0; i < VECTORS; i++) squares[i] = (words & bit(odd, i)) != 0 ? squares[i] : NEVER;
     }
+  }
+
+  // Bounds the smallest distance of a sequence, and leaves the frames that may have it.
+  INLINE void bound(int64_t s, const Measured& measured, double& near, double& far, uint64_t& frames) const {
+    const Floats* squares = measured.squares;
+    Floats least = squares[0];
+    for (int i = 1; i < 2 * VECTORS; i++) least = squares[i] < least ? squares[i] : least;
     float smallest = NEVER;
     for (int l = 0; l < LANES; l++) smallest = std::min(smallest, least[l]);
-
-    const float rounding = q.rounding + q.rest * c.rests[s], error = c.errors[s];
-    const Bounds bounds = roots(smallest - rounding, smallest + rounding, error);
-    frames = word;
+    const float open = rounding + rest * c.rests[s], error = c.errors[s];
+    const Bounds bounds = roots(smallest - open, smallest + open, error);
     near = std::max(bounds.low, 0.f);
     far = FAR;
     if (bounds.low <= 0) return;  // it may be 0 and skipped: any other frame may be the nearest
     far = bounds.high;
     const float limit = bounds.high + error;
     Ints left = {};
-    for (int odd = 0; odd < 2; odd++)
-      for (int i = 0; i < VECTORS; i++)
-        left |= (squares[odd][i] <= limit * limit + rounding) & bit(odd, i);
+    for (int i = 0; i < VECTORS; i++) left |= (squares[i] <= limit * limit + open) & bit(0, i);
+    for (int i = 0; i < VECTORS; i++) left |= (squares[VECTORS + i] <= limit * limit + open) & bit(1, i);
     frames = 0;
     for (int l = 0; l < LANES; l++) frames |= uint64_t(left[l]) << (8 * l);
   }
 };
 
 // Frames of pose or of sound, and how they are stacked and compared.
+// 4095 is the largest number of a query, so that 112 products of two add up in 32 bits.
 template <class Code, int NUMBERS, int STACKED, bool COSINE>
 struct Frames {
-  static constexpr int HALF = WINDOWS / 2 + STACKED - 1, COUNT = NUMBERS * STACKED;
+  static constexpr int COUNT = NUMBERS * STACKED;
+  static constexpr int WIDTH = (NUMBERS + 2 * LANES - 1) / (2 * LANES) * (2 * LANES);  // read at once
   const FrameCodes c;
-  const FrameQuery q;
+  int16_t weights[STACKED * WIDTH] = {};  // of the numbers of the next frame, 0
+  float step, square, error, rounding;
+
+  struct Measured {};
+
+  Frames(const FrameCodes& codes, const double* feature) : c(codes) {
+    double length = 0, unit[COUNT], scale, squares = 0;
+    for (int i = 0; i < COUNT; i++) length += feature[i] * feature[i];
+    length = COSINE ? std::max(std::sqrt(length), 1e-12) : 1;
+    for (int i = 0; i < COUNT; i++) unit[i] = feature[i] / length;
+    int16_t whole_unit[COUNT];
+    const double lost = whole(unit, COUNT, 4095, whole_unit, scale);
+    for (int i = 0; i < COUNT; i++) {
+      weights[i / NUMBERS * WIDTH + i % NUMBERS] = whole_unit[i];
+      const double number = COSINE ? unit[i] : whole_unit[i] * scale;
+      squares += number * number;
+    }
+    step = float(scale * c.step);
+    square = float(squares);
+    error = float(UP * std::sqrt(lost));
+    rounding = float(ROUNDING * (COSINE ? 1 : c.greatest * c.greatest + squares));
+  }
 
   INLINE const Code* code(int64_t s, int f) const {
-    return static_cast<const Code*>(c.codes) + ((2 * s + (f & 1)) * HALF + f / 2) * NUMBERS;
+    constexpr int FRAMES = WINDOWS + 2 * (STACKED - 1);
+    return static_cast<const Code*>(c.codes) + (s * FRAMES + f) * NUMBERS;
   }
 
   INLINE Bounds distance(int64_t s, int f) const {
     const Code* codes = code(s, f);
+    Ints sums = {};
+    for (int o = 0; o < STACKED; o++)
+      for (int i = 0; i < WIDTH; i += 2 * LANES)
+        sums += products(loaded(codes + 2 * o * NUMBERS + i), loaded(weights + o * WIDTH + i));
     int32_t sum = 0;
-    for (int i = 0; i < COUNT; i++) sum += int32_t(codes[i]) * q.weights[i];
-    const float dot = sum * (q.step * c.step), length = c.lengths[s * WINDOWS + f];
-    const float error = c.errors[s] + q.error, rounding = c.rounding + q.rounding;
+    for (int l = 0; l < LANES; l++) sum += sums[l];
+    const float dot = sum * step, length = c.lengths[s * WINDOWS + f], loose = c.errors[s] + error;
     if (COSINE) {
-      const float middle = (1 + q.square) / 2 - dot * length;
-      return {middle - error - rounding, middle + error + rounding};
+      const float middle = (1 + square) / 2 - dot * length;
+      return {middle - loose - rounding, middle + loose + rounding};
     }
-    const float middle = length * length + q.square - 2 * dot;
-    return roots(middle - rounding, middle + rounding, error);
+    const float middle = length * length + square - 2 * dot;
+    return roots(middle - rounding, middle + rounding, loose);
   }
+
+  INLINE void measure(int64_t, uint64_t, Measured&) const {}
 
   // Bounds the smallest distance of some frames of a sequence, and leaves those that may have it. What may be 0
   // is no bound from above, because the search skips it.
-  INLINE void scan(int64_t s, uint64_t word, double& near, double& far, uint64_t& frames) const {
+  INLINE void bound(int64_t s, const Measured&, double& near, double& far, uint64_t& frames) const {
+    const uint64_t word = frames;
     float lows[WINDOWS], least = NEVER, most = NEVER;
     each(word, [&](int f) __attribute__((always_inline)) {
       const Bounds one = distance(s, f);
@@ -205,10 +298,11 @@ struct Frames {
   }
 
   INLINE void ask_for(int64_t s, uint64_t frames) const {
-    const int f = __builtin_ctzll(frames);
-    prefetch(c.lengths + s * WINDOWS + f, 1);
-    prefetch(code(s, f), sizeof(Code) * COUNT + 64);
-    if (frames & (frames - 1)) prefetch(code(s, f + 1), sizeof(Code) * COUNT + 64);
+    const int first = __builtin_ctzll(frames);
+    __builtin_prefetch(c.lengths + s * WINDOWS + first);
+    const char* codes = reinterpret_cast<const char*>(code(s, first));
+    constexpr int BYTES = sizeof(Code) * (2 * STACKED - 1) * NUMBERS;
+    for (int byte = 0; byte < BYTES + 64; byte += 64) __builtin_prefetch(codes + byte);
   }
 };
 
@@ -235,21 +329,45 @@ struct Known {
   double* const far[2];    // (S,) and from above
   const int distances = near[1] ? 2 : 1;
 
-  // Bounds all distances. The memory of the second one is asked for while the first is computed.
+  // Bounds all distances. The second ones come a block later: until then their memory is on its way.
   template <class Chosen, class Other>
   void scan(const uint8_t* mask, const Chosen& chosen, const Other& other) const {
-    for (int64_t s = 0; s < sequences + AHEAD; s++) {
-      if (s < sequences) {
-        near[0][s] = far[0][s] = FAR;
-        frames[s] = 0;
-        const uint64_t word = eligible(mask + s * WINDOWS);
-        if (word) chosen.scan(s, word, near[0][s], far[0][s], frames[s]);
-        if (distances > 1 && frames[s]) other.ask_for(s, frames[s]);
+    typename Chosen::Measured measured[BLOCK];
+    for (int64_t begin = 0; begin < sequences + BLOCK; begin += BLOCK) {
+      const int64_t end = std::min(begin + BLOCK, sequences);
+      for (int64_t s = begin; s < end; s++) {
+        frames[s] = eligible(mask + s * WINDOWS);
+        if (frames[s]) chosen.measure(s, frames[s], measured[s - begin]);
+        if (distances > 1 && begin > 0 && frames[s - BLOCK]) other.ask_for(s - BLOCK, frames[s - BLOCK]);
       }
-      const int64_t t = s - AHEAD;
-      if (distances < 2 || t < 0) continue;
-      near[1][t] = far[1][t] = FAR;
-      if (frames[t]) other.compare(t, frames[t], near[1][t], far[1][t]);
+      for (int64_t s = begin; s < end; s++) {
+        near[0][s] = far[0][s] = FAR;
+        if (frames[s]) chosen.bound(s, measured[s - begin], near[0][s], far[0][s], frames[s]);
+      }
+      if (distances > 1 && begin > 0) compare(begin - BLOCK, std::min(begin, sequences), other);
+    }
+  }
+
+  // Bounds the second distance of some sequences, whichever of their frames they show.
+  template <class Other>
+  void compare(int64_t begin, int64_t end, const Other& other) const {
+    // They are listed first, so that the processor has no end of a short loop to guess.
+    int32_t windows[BLOCK * WINDOWS], count = 0;
+    float low[BLOCK], high[BLOCK];
+    for (int64_t s = begin; s < end; s++) {
+      low[s - begin] = NEVER;
+      high[s - begin] = -NEVER;
+      each(frames[s], [&](int f) { windows[count++] = (s - begin) * WINDOWS + f; });
+    }
+    for (int32_t i = 0; i < count; i++) {
+      const int32_t s = windows[i] / WINDOWS;
+      const Bounds one = other.distance(begin + s, windows[i] % WINDOWS);
+      low[s] = std::min(low[s], one.low);
+      high[s] = std::max(high[s], one.high);
+    }
+    for (int64_t s = begin; s < end; s++) {
+      near[1][s] = frames[s] ? low[s - begin] : FAR;
+      far[1][s] = frames[s] ? high[s - begin] : FAR;
     }
   }
 };
@@ -354,7 +472,7 @@ class Contest {
       uint64_t& frames = known.frames[s];
       double low, high;
       if (bits[s] & 1 || frames & (frames - 1)) {
-        chosen.scan(s, frames, low, high, frames);
+        chosen.bound(s, {}, low, high, frames);
         draw_together(0, s, low, high);
       }
       if (bits[s] & 2) {
@@ -423,11 +541,6 @@ void find(const Known& known, const uint8_t* mask, int64_t k, const Coarse& coar
   contest.list(listed, counts);
 }
 
-template <class Compared, class Codes, class Query>
-INLINE Compared compared(const void* const* codes_and_query) {
-  return {*static_cast<const Codes*>(codes_and_query[0]), *static_cast<const Query*>(codes_and_query[1])};
-}
-
 }  // namespace
 
 // Whether this processor can run the version for AVX2.
@@ -439,21 +552,23 @@ extern "C" int has_avx2() {
 #endif
 }
 
-// A search with the frames chosen by pose, or by sound. Codes, each with its query: of poses in bytes, of poses,
-// of sounds in bytes, of sounds. Without a second distance there is one alone.
-//
-// It lists the sequences that may win, and then others whose distances are to be known; counts says how many
-// may win, and how many are listed.
+// A search with the frames chosen by pose, or by sound, and with one distance alone where there are no bounds for
+// another one. It lists the sequences that may win, and then others whose distances are to be known; counts says
+// how many may win, and how many are listed.
 extern "C" void find(int64_t by_sound, int64_t sequences, const uint8_t* mask, int64_t k,
-                     const void* const* codes, uint64_t* frames, double* near, double* far, double* other_near,
-                     double* other_far, int64_t* listed, int64_t* counts) {
+                     const PoseCodes* byte_poses, const FrameCodes* poses, const FrameCodes* byte_sounds,
+                     const FrameCodes* sounds, const double* pose, const double* sound, uint64_t* frames,
+                     double* near, double* far, double* other_near, double* other_far, int64_t* listed,
+                     int64_t* counts) {
   const Known known{sequences, frames, {near, other_near}, {far, other_far}};
-  const auto poses = compared<Poses, FrameCodes, FrameQuery>(codes + 2);
-  const auto byte_sounds = compared<ByteSounds, FrameCodes, FrameQuery>(codes + 4);
-  const auto sounds = compared<Sounds, FrameCodes, FrameQuery>(codes + 6);
-  if (by_sound) return find(known, mask, k, byte_sounds, poses, sounds, poses, listed, counts);
-  const auto byte_poses = compared<BytePoses, PoseCodes, PoseQuery>(codes);
-  find(known, mask, k, byte_poses, byte_sounds, poses, sounds, listed, counts);
+  const Poses fine_poses(*poses, pose);
+  const ByteSounds coarse_sounds(*byte_sounds, sound);
+  const Sounds fine_sounds(*sounds, sound);
+  if (by_sound) {
+    find(known, mask, k, coarse_sounds, fine_poses, fine_sounds, fine_poses, listed, counts);
+  } else {
+    find(known, mask, k, BytePoses(*byte_poses, pose), coarse_sounds, fine_poses, fine_sounds, listed, counts);
+  }
 }
 
 // Counts, for each of some known distances in rising order, those between the one before and it. Ties are in

@@ -1,39 +1,10 @@
-"""The compiled search, kernels.cpp, and the structures that it reads."""
+"""The compiled search, kernels.cpp."""
 
 import ctypes
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-PAIRS = 10
-"""Pairs of coded numbers of a pose."""
-
-POSE_CODES = np.dtype([(name, np.uint64) for name in ("codes", "squares", "errors", "rests")])
-"""Addresses of the arrays of codes.PoseCodes."""
-
-POSE_QUERY = np.dtype(
-    [
-        ("weights", np.int16, (PAIRS, 4, 2)),
-        *((name, np.float32) for name in ("step", "square", "rest", "rounding")),
-    ]
-)
-"""A pose feature in numbers that fit these codes: of each pair, for each of the poses stacked."""
-
-FRAME_CODES = np.dtype(
-    [
-        *((name, np.uint64) for name in ("codes", "lengths", "errors")),
-        *((name, np.float32) for name in ("step", "rounding")),
-    ]
-)
-"""Addresses of the arrays of codes.FrameCodes, and their scale."""
-
-FRAME_QUERY = np.dtype(
-    [
-        ("weights", np.int16, 112),
-        *((name, np.float32) for name in ("step", "square", "error", "rounding")),
-    ]
-)
-"""A feature, (96,) of poses or (112,) of sounds, in whole numbers."""
 
 
 def _load(version: str) -> ctypes.CDLL:
@@ -43,6 +14,12 @@ def _load(version: str) -> ctypes.CDLL:
 _LIBRARY = _load("")
 if _LIBRARY.has_avx2():
     _LIBRARY = _load("_avx2")
+
+
+def table(arrays: Sequence[np.ndarray], *numbers: float) -> np.ndarray:
+    """A C structure of pointers to arrays, which must be kept alive, and of numbers in double precision."""
+    pointers = np.array([array.ctypes.data for array in arrays], np.uint64)
+    return np.concatenate([pointers, np.array(numbers).view(np.uint64)])
 
 
 def call(name: str, *arguments: np.ndarray | int | None) -> None:

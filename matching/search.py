@@ -1,7 +1,6 @@
 """The k-NN search of MM22 over a whole database: exact, and much faster than comparing everything."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching.codes import BYTE, SHORT, FrameCodes, PoseCodes, frame_query
+from gesture_bot.matching.codes import BYTE, SHORT, FrameCodes, PoseCodes
 from gesture_bot.matching.contest import Contest, Distances
 from gesture_bot.matching.features import poses, sounds
 
@@ -79,22 +78,15 @@ class Search:
 
     Args:
         database: Read where it is needed, so that a mapped file stays on the disk for the most part.
-        preselection: The one to make ready for; the codes for others are made when they are first asked for.
     """
 
-    def __init__(self, database: Database, preselection: Preselection = "pose") -> None:
+    def __init__(self, database: Database) -> None:
         self._starts = database.starts
         self._poses, self._sounds = poses(database), sounds(database)
+        self._pose_bytes = PoseCodes(self._poses, self._starts)
         self._pose_frames = FrameCodes(self._poses, self._starts, SHORT)
-        self._sound_bytes, self._sound_frames = (
-            FrameCodes(self._sounds, self._starts, largest) for largest in (BYTE, SHORT)
-        )
-        if preselection != "audio":
-            self._pose_bytes  # noqa: B018
-
-    @cached_property
-    def _pose_bytes(self) -> PoseCodes:
-        return PoseCodes(self._poses, self._starts)
+        self._sound_bytes = FrameCodes(self._sounds, self._starts, BYTE)
+        self._sound_frames = FrameCodes(self._sounds, self._starts, SHORT)
 
     def row(self, sequence: int, frame: int) -> int:
         """Row of the database at which a frame of a sequence lies."""
@@ -144,16 +136,13 @@ class Search:
         """
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
-        pose_query, audio_query = (
-            np.ascontiguousarray(query, np.float64) for query in (pose_query, audio_query)
+        pose, audio = (
+            Distances(stream, np.ascontiguousarray(query, np.float64), len(self._starts))
+            for stream, query in ((self._poses, pose_query), (self._sounds, audio_query))
         )
-        pose = Distances(self._poses, pose_query, len(self._starts))
-        audio = Distances(self._sounds, audio_query, len(self._starts))
         ranked = {"pose": [pose, audio], "audio": [audio, pose], "pose_only": [pose]}[preselection]
-        by_sound = preselection == "audio"
-        contest = Contest(
-            self._starts, mask, k, ranked, by_sound, self._tables(pose_query, audio_query, by_sound)
-        )
+        codes = self._pose_bytes, self._pose_frames, self._sound_bytes, self._sound_frames
+        contest = Contest(self._starts, mask, k, [one.table for one in codes], ranked, pose, audio)
         candidates = contest.candidates
         if candidates == 0:
             return None
@@ -163,18 +152,3 @@ class Search:
         distances = (float(by.near[winner] if by in ranked else by.exact(row)[0]) for by in (pose, audio))
         self._poses.release()
         return Match(winner, frame, *distances, candidates)
-
-    def _tables(self, pose: np.ndarray, audio: np.ndarray, by_sound: bool) -> list[np.ndarray]:
-        """All codes, each with a query, as kernels.cpp takes them."""
-        pose_query, sound_query = frame_query(self._poses, pose), frame_query(self._sounds, audio)
-        first = self._pose_frames if by_sound else self._pose_bytes
-        return [
-            first.table,
-            pose_query if by_sound else self._pose_bytes.query(pose),
-            self._pose_frames.table,
-            pose_query,
-            self._sound_bytes.table,
-            sound_query,
-            self._sound_frames.table,
-            sound_query,
-        ]

@@ -64,7 +64,7 @@ class Selector:
     ) -> None:
         self._database, self._emotions = database, emotions
         check_settings(k, preselection)
-        self._search, self._controls = Search(database, preselection), Controls(database)
+        self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
         self._ahead, self._react = ahead, react
         self._rest = rest_pose(database)
