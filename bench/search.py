@@ -185,9 +185,9 @@ def main() -> None:
 
 def bytes_touched(search: Search, sequences: int) -> int:
     """The least that a search reads: the mask, the codes of all poses, and one window of sound a sequence."""
-    codes = search._pose_codes
+    codes = search._pose_bytes
     poses = sum(array.nbytes for array in (codes.codes, codes.squares, codes.errors, codes.rests))
-    return poses + sequences * (SEQUENCE + 2 * 112 + 4)
+    return poses + sequences * (SEQUENCE + 112 + 4)
 
 
 def read_bandwidth() -> float:

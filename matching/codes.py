@@ -15,8 +15,8 @@ from gesture_bot.matching.features import Stream, cosine_distance
 from gesture_bot.matching.kernels import table
 
 AXES, FINER = 16, 4
-"""Principal axes on which poses are coded; beyond them lie 0.1% of the variance of the demo corpus. Of the first
-ones, which would lose most, what the code loses is coded, too."""
+"""Principal axes on which poses are coded; beyond them lie 0.1% of the variance of the demo corpus. Of the
+first ones, which would lose most, what the code loses is coded, too."""
 
 BYTE, SHORT = 127, 4095
 """Largest codes; with SHORT, 112 products of a code and a number of the query add up in 32 bits."""

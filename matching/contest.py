@@ -1,4 +1,4 @@
-"""One search through all sequences: bounds of distances bound ranks, and what they leave open is looked up."""
+"""Who wins a search: bounds of distances bound ranks, and what they leave open is looked up."""
 
 from collections.abc import Sequence
 
@@ -62,7 +62,7 @@ class Contest:
         self._frames = np.empty(len(starts), np.uint64)
         listed, counts = np.empty(len(starts), np.int64), np.empty(2, np.int64)
         settings = int(ranked[0] is sound), len(starts), np.ascontiguousarray(mask, bool), k
-        bounds = [bound for by in ranked for bound in (by.near, by.far)]
+        bounds: list[np.ndarray | None] = [bound for by in ranked for bound in (by.near, by.far)]
         bounds += [None] * (4 - len(bounds))
         call("find", *settings, *tables, pose.query, sound.query, self._frames, *bounds, listed, counts)
         contenders, looked_up = counts

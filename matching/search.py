@@ -23,6 +23,7 @@ MAX_K = 15
 POSITIONS = SEQUENCE - WINDOW + 1
 """Frames of a sequence at which a window can begin."""
 
+
 @dataclass(frozen=True)
 class Match:
     """The window that a search has found.
@@ -149,6 +150,6 @@ class Search:
         winner = contest.winner(min(k, candidates))
         frame = contest.frame(winner)
         row = np.array([self.row(winner, frame)])
-        distances = (float(by.near[winner] if by in ranked else by.exact(row)[0]) for by in (pose, audio))
+        pose_distance, audio_distance = float(pose.exact(row)[0]), float(audio.exact(row)[0])
         self._poses.release()
-        return Match(winner, frame, *distances, candidates)
+        return Match(winner, frame, pose_distance, audio_distance, candidates)

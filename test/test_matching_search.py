@@ -10,6 +10,7 @@ from small_database import small_database
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import INDEX, MATCHED
 from gesture_bot.corpus.database import Database
+from gesture_bot.matching import kernels
 from gesture_bot.matching.reference import Reference
 from gesture_bot.matching.search import Search
 
@@ -123,6 +124,19 @@ def test_the_fast_search_finds_what_the_plain_one_finds(large, preselection, que
         assert found == plain.find(pose, audio, mask, k, preselection)
 
 
+def test_processors_without_avx2_find_the_same(large, monkeypatch):
+    database, search, plain = large
+    monkeypatch.setattr(kernels, "_LIBRARY", kernels._load(""))
+    generator = np.random.default_rng(7)
+    for query in range(60):
+        row, other = generator.integers(0, len(database.keypoints) - 14, 2)
+        pose, audio = search.pose_at(row), search.audio_of(database.features[other:])
+        mask = random_mask(generator, 1000, (0.02, 0.15, 0.5, 1.0)[query % 4])
+        preselection = ("pose", "audio", "pose_only")[query % 3]
+        found = search.find(pose, audio, mask, 1 + query % 15, preselection)
+        assert found == plain.find(pose, audio, mask, 1 + query % 15, preselection)
+
+
 @BOTH
 def test_ties_go_to_the_first_sequence(search):
     """The last recording repeats the first, and both alone are allowed: every distance ties."""
@@ -193,8 +207,7 @@ def test_a_query_that_is_not_finite_is_named(search, broken):
         search.find(queries["pose"], queries["audio"], np.ones((SEQUENCES, 64), bool))
 
 
-def test_a_mapped_file_is_given_back_and_read_again(tmp_path, monkeypatch):
-    monkeypatch.setattr("gesture_bot.matching.search.KEPT", 30)
+def test_a_mapped_file_is_given_back_and_read_again(tmp_path):
     DATABASE.save(tmp_path / "database.safetensors")
     mapped = Search(Database.load(tmp_path / "database.safetensors"))
     mask, generator = np.ones((SEQUENCES, 64), bool), np.random.default_rng(4)
