@@ -195,9 +195,8 @@ def test_interrupt_ends_it_within_two_seconds(graph, say):
 
 def test_a_sound_file_is_played_to_its_end(listener, demo_corpus, tmp_path):
     speech = tmp_path / "speech.wav"
-    soundfile.write(
-        speech, load_voice("embedded").speak("We count the boats on the river.").samples, SAMPLE_RATE
-    )
+    samples = load_voice("embedded").speak("We count the boats on the river.").samples
+    soundfile.write(speech, samples, SAMPLE_RATE)
     with running(command("run", f"speech:={speech}")) as process:
         assert process.wait(40) == 0, process.stdout.read()
     times, positions = listener.record.joint_positions()
@@ -205,5 +204,6 @@ def test_a_sound_file_is_played_to_its_end(listener, demo_corpus, tmp_path):
     report = motion_report(robot.joints, times, positions, robot.limits)
     assert report.limit_violations == report.joint_jumps == 0
     assert report.mean_rate_hz >= 50
-    assert sum(heard.message.last for heard in listener.record.audio) == 1
+    # Sound is best effort, so a listener may miss its end; the motion lasts until then.
+    assert times[-1] - times[0] > len(samples) / SAMPLE_RATE
     assert "speech" in {heard.message.source for heard in listener.record.selected}
