@@ -129,6 +129,10 @@ def write_whole(path: Path) -> Iterator[Path]:
             yield temporary
             with temporary.open("rb") as written:
                 os.fsync(written.fileno())
+            # Some libraries write for their own user alone; a robot's service has another.
+            ordinary = Path(folder) / "ordinary"
+            ordinary.touch()
+            temporary.chmod(ordinary.stat().st_mode)
             os.replace(temporary, path)
     except OSError as error:
         raise FileFormatError(f"cannot write {path} ({error.strerror or error})") from error

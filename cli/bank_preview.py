@@ -38,7 +38,7 @@ def command(options: argparse.Namespace) -> int:
         write_gesture_gif(output, options.gesture, times, keypoints)
     else:
         write_gesture_strip(output, options.gesture, times, keypoints, movement.moments)
-    print(output)
+    print(f"wrote {output}")
     return 0
 
 

@@ -26,6 +26,9 @@ from gesture_bot.evaluate.database_report import frames_of
 TOLD = 10
 """Files left out that are told one by one."""
 
+SOUNDLESS = 0.1
+"""Share of a file's motion without sound, from which on that is told."""
+
 LIBRARIES = ("gesture-bot", "numpy", "scipy", "soxr", "pybvh")
 
 
@@ -47,7 +50,11 @@ def command(options: argparse.Namespace) -> int:
 
     _make_room(options.output, parts)
     imported = import_files(jobs, min(options.workers, len(jobs)))
-    problems = list(tqdm(imported, "importing", len(jobs), unit="file"))
+    try:
+        problems = list(tqdm(imported, "importing", len(jobs), unit="file"))
+    except KeyboardInterrupt:
+        print(f"interrupted; {parts} keeps what is done: the same command goes on there", file=sys.stderr)
+        raise
     good = [job for job, problem in zip(jobs, problems, strict=True) if not problem]
     _tell_left_out([problem for problem in problems if problem])
     if not good:
@@ -75,6 +82,7 @@ def command(options: argparse.Namespace) -> int:
     for kind, names in database.names.items():
         if names:
             print(f"{kind}: {', '.join(names)}")
+    _tell_soundless(sources)
     print(described(sum((Counter(source.frames) for source in sources), Counter())))
     name = shlex.quote(str(options.output))
     print(f"next: gesture-bot inspect {name}\n      gesture-bot run database:={name}")
@@ -96,6 +104,14 @@ def _tell_left_out(problems: Sequence[str]) -> None:
         print(f"left out: {problem}", file=sys.stderr)
     if len(problems) > TOLD:
         print(f"left out: {len(problems) - TOLD} more files", file=sys.stderr)
+
+
+def _tell_soundless(sources: Sequence[Source]) -> None:
+    """Name the files whose sound ends long before their motion: is it the right sound, and whole?"""
+    for source in sources:
+        lost, read = source.frames.get("soundless", 0), source.frames["read"]
+        if lost > SOUNDLESS * read:
+            print(f"note: the sound of {source.name} ends early: {lost} of {read} frames", file=sys.stderr)
 
 
 def _recordings(jobs: Sequence[Job], labels: Mapping[Path, Mapping[str, str]]) -> Iterator[Recording]:

@@ -62,6 +62,8 @@ def command(options: argparse.Namespace) -> int:
     console.print(_table("After refinement", rows, [row.refined for row in rows], 2))
     console.print(_NOTES)
     for row in rows:
+        console.print(f"{row.name:<10} {row.constraint}")
+    for row in rows:
         for relaxed in row.relaxed:
             console.print(f"{row.name}: {relaxed}")
     if options.output:

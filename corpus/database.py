@@ -115,6 +115,10 @@ class Database:
         """
         if kind not in LABELS:
             raise InvalidValueError("unknown kind of label", kind, LABELS)
+        if not self.names[kind]:
+            raise InvalidValueError(f"the database has no labels for {kind}; asked for", name)
+        if not self.names[kind]:
+            raise InvalidValueError(f"the database has no labels for {kind}; asked for", name)
         if name not in self.names[kind]:
             raise InvalidValueError(f"no sequence of the database has this {kind}", name, self.names[kind])
         return self.labels[:, LABELS.index(kind)] == self.names[kind].index(name)
@@ -158,6 +162,8 @@ class Database:
             FileFormatError: The file is missing, truncated or changed, is no database, was written by another
                 version, or holds another skeleton or frame rate.
         """
+        if path.is_dir():
+            raise FileFormatError(f"cannot read {path} as a database (it is a folder)")
         try:
             # safetensors checks the header against the file's size; its numpy arrays would be copies.
             with safe_open(path, framework="numpy") as opened:

@@ -15,7 +15,7 @@ from gesture_bot.corpus.recordings import Recording
 from gesture_bot.corpus.skeletons import SkeletonMap, choose_skeleton
 from gesture_bot.corpus.takes import CUT, recordings_of
 from gesture_bot.speech.audio import load_audio
-from gesture_bot.speech.features import speech_features
+from gesture_bot.speech.features import COEFFICIENTS, FLOOR, speech_features
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,12 @@ def import_file(job: Job) -> str:
 
 
 def load_recordings(part: Path) -> list[Recording]:
-    """What came out of a file."""
-    with np.load(part) as kept:
+    """What came out of a file.
+
+    Raises:
+        FileFormatError: Its part is gone.
+    """
+    with _opened(part) as kept:
         about = json.loads(str(kept["about"]))
         keypoints = np.split(kept["keypoints"], about["keypoint_cuts"])
         features = np.split(kept["features"], about["feature_cuts"])
@@ -86,9 +90,22 @@ def load_recordings(part: Path) -> list[Recording]:
 
 
 def load_source(part: Path) -> Source:
-    """Where it comes from."""
-    with np.load(part) as kept:
+    """Where it comes from.
+
+    Raises:
+        FileFormatError: Its part is gone.
+    """
+    with _opened(part) as kept:
         return Source(**json.loads(str(kept["about"]))["source"])
+
+
+def _opened(part: Path) -> np.lib.npyio.NpzFile:
+    try:
+        return np.load(part)
+    except FileNotFoundError as error:
+        raise FileFormatError(
+            f"{part} has been taken away; does another build-database write the same file?"
+        ) from error
 
 
 def _import(job: Job) -> tuple[list[Recording], Source]:
@@ -105,6 +122,8 @@ def _import(job: Job) -> tuple[list[Recording], Source]:
                 sound = skeleton.sound_file(job.path, job.sounds)
                 digests[str(sound)] = _digest(sound)
                 features = speech_features(load_audio(sound))
+                if (features[:, COEFFICIENTS] <= FLOOR).all():
+                    raise FileFormatError(f"{sound} is silent from beginning to end")
             labels = {**skeleton.labels(job.path.stem), **take.labels}
             made, counts = recordings_of(take, skeleton, features, labels)
         except FileFormatError as error:

@@ -7,6 +7,9 @@ from pathlib import Path
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
 from gesture_bot.corpus.database import LABELS
 
+SHOWN = 10
+"""Names of files that an error lists."""
+
 
 def read_label_table(path: Path) -> dict[str, dict[str, str]]:
     """The labels of each file, by kind; empty cells are left out.
@@ -33,6 +36,11 @@ def read_label_table(path: Path) -> dict[str, dict[str, str]]:
     return {row["file"]: {kind: row[kind] for kind in LABELS if row.get(kind)} for row in rows}
 
 
+def _some(names: Iterable[str]) -> list[str]:
+    shown = sorted(names)
+    return shown if len(shown) <= SHOWN else [*shown[:SHOWN], "..."]
+
+
 def labels_by_file(
     table: Mapping[str, Mapping[str, str]], files: Iterable[Path]
 ) -> dict[Path, dict[str, str]]:
@@ -54,7 +62,9 @@ def labels_by_file(
         before = len(folders) + 1
         named = [file for file in ends.get(end, ()) if list(file.parts[-before:-1]) == folders]
         if not named:
-            raise InvalidValueError("the label table names a file that is not among the sources", name)
+            raise InvalidValueError(
+                "the label table names a file of motion that is not among the sources", name, _some(ends)
+            )
         for file in named:
             labels[file] |= given
     return labels

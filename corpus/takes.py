@@ -24,7 +24,7 @@ from gesture_bot.corpus.resampling import frames_until, to_frame_rate
 from gesture_bot.corpus.skeletons import SkeletonMap
 from gesture_bot.corpus.sources import Take
 
-CUT = (*REASONS, "silent", "short", "unusable")
+CUT = (*REASONS, "soundless", "short", "unusable")
 """Why frames are cut: the reasons of cleaning.py, no sound any more, a stretch shorter than a sequence, or a
 take that cannot be used at all, of several in a file."""
 
@@ -96,7 +96,7 @@ def recordings_of(
     recordings = []
     for kept in motion.kept:
         heard = min(kept.stop, math.ceil(len(features) / FRAME_RATE * rate))
-        counts["silent"] += kept.stop - max(heard, kept.start)
+        counts["soundless"] += kept.stop - max(heard, kept.start)
         first = math.ceil(kept.start / rate * FRAME_RATE - 1e-6)
         stop = min(frames_until(kept.stop - 1, rate), len(features))
         whole = kept == slice(0, len(take.positions), None)
@@ -111,5 +111,5 @@ def recordings_of(
                 dict(labels),
             )
         )
-    counts["kept"] -= counts["short"] + counts["silent"]
+    counts["kept"] -= counts["short"] + counts["soundless"]
     return recordings, counts

@@ -141,7 +141,10 @@ def load_banks(folder: str | Path = "shipped") -> dict[str, Gesture]:
     """
     banks = sorted((config_dir() / "banks" if folder == "shipped" else Path(folder)).glob("*.yaml"))
     if not banks:
-        raise FileFormatError("no semantic banks (*.yaml) in the folder", str(folder))
+        what = (
+            "no semantic banks (*.yaml) in" if Path(folder).is_dir() else "semantic banks: there is no folder"
+        )
+        raise FileFormatError(what, str(folder))
     gestures: dict[str, Gesture] = {}
     callers: dict[str, str] = {}
     for path in banks:

@@ -18,16 +18,16 @@ constexpr int WINDOWS = 64;           // frames of a sequence, at which a window
 constexpr int LANES = 8, STACK = 4;   // frames that are compared at once, poses of a feature
 constexpr int POSE = 24;              // numbers of a pose
 constexpr int AXES = 16, PAIRS = 10;  // of a coded pose; numbers beyond AXES are finer ones of the first axes
+constexpr int SHORT = 4095;           // largest whole number of a frame's query, as that of its codes
 constexpr float NEVER = 1e30f;        // more than any distance and its square
-constexpr double FAR = 1e300;         // of a sequence that is out, or may be
-constexpr double ROUNDING = 1e-5;     // of a sum in single precision, at most, as a share of its squares
+constexpr double ROUNDING = 1e-5;     // of a sum in single precision, as a share of its squares: 20 times what is
 constexpr double UP = 1.00001;        // factor on a bound, so that it stays one when it is rounded itself
 
 using Shorts = int16_t __attribute__((vector_size(4 * LANES)));
 using Ints = int32_t __attribute__((vector_size(4 * LANES)));
 using Floats = float __attribute__((vector_size(4 * LANES)));
 
-// Made by codes.py, in this order.
+// Made by codes.py, in this order; AXES, PAIRS, SHORT and UP are as there.
 struct PoseCodes {
   const int8_t* codes;   // (S, 2, PAIRS, 4, LANES, 2), see BytePoses
   const float* squares;  // (S, 2, 4, LANES)
@@ -140,6 +140,7 @@ struct BytePoses {
       }
     for (int i = 0; i < STACK * POSE; i++) whole_square += feature[i] * feature[i];
     int16_t rounded[STACK][2 * PAIRS];
+    // 80 products of such a number and a byte add up to 3.3e8 at most.
     const double lost = whole(wanted[0], STACK * 2 * PAIRS, INT16_MAX, rounded[0], scale);
     for (int o = 0; o < STACK; o++)
       for (int n = 0; n < 2 * PAIRS; n++) weights[n / 2][o][n % 2] = rounded[o][n];
@@ -194,22 +195,25 @@ struct BytePoses {
     for (int i = 1; i < 2 * VECTORS; i++) least = squares[i] < least ? squares[i] : least;
     float smallest = NEVER;
     for (int l = 0; l < LANES; l++) smallest = std::min(smallest, least[l]);
-    const float open = rounding + rest * c.rests[s], error = c.errors[s];
-    const Bounds bounds = roots(smallest - open, smallest + open, error);
+    const float loose = rounding + rest * c.rests[s], error = c.errors[s];
+    const Bounds bounds = roots(smallest - loose, smallest + loose, error);
     near = std::max(bounds.low, 0.f);
-    far = FAR;
+    far = NEVER;
     if (bounds.low <= 0) return;  // it may be 0 and skipped: any other frame may be the nearest
     far = bounds.high;
-    const float limit = bounds.high + error;
+    const float limit = (bounds.high + error) * (bounds.high + error) + loose;
     Ints left = {};
-    for (int i = 0; i < VECTORS; i++) left |= (squares[i] <= limit * limit + open) & bit(0, i);
-    for (int i = 0; i < VECTORS; i++) left |= (squares[VECTORS + i] <= limit * limit + open) & bit(1, i);
+    for (int i = 0; i < VECTORS; i++) {
+      left |= (squares[i] <= limit) & bit(0, i);
+      left |= (squares[VECTORS + i] <= limit) & bit(1, i);
+    }
     frames = 0;
     for (int l = 0; l < LANES; l++) frames |= uint64_t(left[l]) << (8 * l);
   }
 };
 
-// Poses or sounds frame by frame, and how they are stacked and compared.
+// Poses or sounds frame by frame, and how they are stacked and compared. Windows begin at frame 56 at the latest,
+// so that what is read beyond a frame lies within the sequence.
 template <class Code, int NUMBERS, int STACKED, bool COSINE>
 struct Frames {
   static constexpr int COUNT = NUMBERS * STACKED;
@@ -226,8 +230,8 @@ struct Frames {
     length = COSINE ? std::max(std::sqrt(length), 1e-12) : 1;
     for (int i = 0; i < COUNT; i++) unit[i] = feature[i] / length;
     int16_t whole_unit[COUNT];
-    // With codes up to 4095, too, 112 products add up in 32 bits.
-    const double lost = whole(unit, COUNT, 4095, whole_unit, scale);
+    // 112 products of two such numbers add up in 32 bits.
+    const double lost = whole(unit, COUNT, SHORT, whole_unit, scale);
     for (int i = 0; i < COUNT; i++) {
       weights[i / NUMBERS * WIDTH + i % NUMBERS] = whole_unit[i];
       const double number = COSINE ? unit[i] : whole_unit[i] * scale;
@@ -277,7 +281,7 @@ struct Frames {
     frames = 0;
     each(word, [&](int f) { frames |= uint64_t(lows[f] <= most) << f; });
     near = std::max(least, 0.f);
-    far = most < NEVER ? most : FAR;
+    far = most;
   }
 
   // Bounds the distance of a sequence, whichever of some frames it shows.
@@ -301,7 +305,7 @@ struct Frames {
   }
 };
 
-using Poses = Frames<int16_t, 24, 4, false>;
+using Poses = Frames<int16_t, POSE, STACK, false>;
 using Sounds = Frames<int16_t, 14, 8, true>;
 using ByteSounds = Frames<int8_t, 14, 8, true>;
 

@@ -35,7 +35,7 @@ class PoseCodes:
     """The poses of all sequences in bytes, on their principal axes; features are stacked when they are read.
 
     What the other axes hold is at a right angle to these, so that its length bounds what it adds. The codes
-    lie in the order in which the search reads them; see kernels.cpp.
+    lie in the order in which the search reads them; see codes.hpp.
 
     Args:
         stream: Poses.
@@ -86,7 +86,7 @@ class FrameCodes:
 
     def __init__(self, stream: Stream, starts: np.ndarray, largest: int) -> None:
         cosine = stream.distance is cosine_distance
-        step = max(float(np.abs(frames).max()) for _, frames in _parts(stream, starts)) / largest
+        step = max(1e-9, *(float(np.abs(frames).max()) for _, frames in _parts(stream, starts))) / largest
         count, greatest = len(starts), 0.0
         reach, numbers = int(stream.offsets[-1]), len(stream.columns)
         code = np.int8 if largest == BYTE else np.int16
@@ -100,7 +100,8 @@ class FrameCodes:
             losses = np.sqrt(_stacked((frames - rounded * step) ** 2, stream.offsets))
             greatest = max(greatest, float(lengths.max()))
             if cosine:
-                # Of unit vectors, the loss is at most 2 * loss / (both lengths), and never more than 2.
+                # Of unit vectors, the loss is at most 2 * loss / (both lengths), which are 2 * length - loss
+                # at least; and it is never more than 2.
                 losses = np.minimum(losses / np.maximum(lengths - losses / 2, 1e-9), 2)
                 losses[lengths < 1e-6] = 2
                 lengths = 1 / np.maximum(lengths, 1e-6)

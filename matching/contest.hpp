@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -24,13 +25,17 @@ INLINE uint64_t eligible(const uint8_t* mask) {
   return word & word >> 7;
 }
 
-// What is known of the distances of all sequences, one or two each: the first chooses the frame.
+// What is known of the distances of all sequences, one or two each: the first chooses the frame. A sequence without
+// a frame is out. One whose first distance has no bound from above but NEVER may be out: its frames may all be the
+// query's own, which are skipped.
 struct Known {
   const int64_t sequences;
-  uint64_t* const frames;  // that may be shown, as bits; none: the sequence is out
+  uint64_t* const frames;  // that may be shown, as bits
   double* const near[2];   // (S,) bounds from below
   double* const far[2];    // (S,) and from above
   const int distances = near[1] ? 2 : 1;
+
+  bool may_be_out(int64_t s) const { return far[0][s] == NEVER; }
 
   // Bounds all distances. The second ones come a block later: until then their memory is on its way.
   template <class Chosen, class Other>
@@ -44,7 +49,7 @@ struct Known {
         if (distances > 1 && begin > 0 && frames[s - BLOCK]) other.ask_for(s - BLOCK, frames[s - BLOCK]);
       }
       for (int64_t s = begin; s < end; s++) {
-        near[0][s] = far[0][s] = FAR;
+        near[0][s] = far[0][s] = NEVER;
         if (frames[s]) chosen.bound(s, measured[s - begin], near[0][s], far[0][s], frames[s]);
       }
       if (distances > 1 && begin > 0) compare(begin - BLOCK, std::min(begin, sequences), other);
@@ -63,15 +68,37 @@ struct Known {
       each(frames[s], [&](int f) { windows[count++] = (s - begin) * WINDOWS + f; });
     }
     for (int32_t i = 0; i < count; i++) {
-      const int32_t s = windows[i] / WINDOWS;
-      const Bounds one = other.distance(begin + s, windows[i] % WINDOWS);
-      low[s] = std::min(low[s], one.low);
-      high[s] = std::max(high[s], one.high);
+      const int32_t place = windows[i] / WINDOWS;
+      const Bounds one = other.distance(begin + place, windows[i] % WINDOWS);
+      low[place] = std::min(low[place], one.low);
+      high[place] = std::max(high[place], one.high);
     }
     for (int64_t s = begin; s < end; s++) {
-      near[1][s] = frames[s] ? low[s - begin] : FAR;
-      far[1][s] = frames[s] ? high[s - begin] : FAR;
+      near[1][s] = low[s - begin];
+      far[1][s] = may_be_out(s) ? NEVER : high[s - begin];
     }
+  }
+
+  // For each sequence, the bits of the distances of which some contenders leave open who is nearer.
+  std::vector<uint8_t> undecided(const int64_t* contenders, int64_t count) const {
+    std::vector<uint8_t> bits(sequences);
+    std::vector<double> lows(count), highs(count);
+    for (int d = 0; d < distances; d++) {
+      for (int64_t i = 0; i < count; i++) {
+        lows[i] = near[d][contenders[i]];
+        highs[i] = far[d][contenders[i]];
+      }
+      std::sort(lows.begin(), lows.end());
+      std::sort(highs.begin(), highs.end());
+      for (int64_t s = 0; s < sequences; s++) {
+        if (near[d][s] > highs[count - 1] || far[d][s] < lows[0] || !frames[s]) continue;
+        // Of the contenders, those that begin before the sequence ends are more than those that end before it
+        // begins: some overlap it.
+        const int64_t ended = std::lower_bound(highs.begin(), highs.end(), near[d][s]) - highs.begin();
+        bits[s] |= (lows[ended] <= far[d][s]) << d;
+      }
+    }
+    return bits;
   }
 };
 
@@ -82,20 +109,20 @@ class Contest {
   explicit Contest(const Known& known) : known(known) {
     for (int d = 0; d < known.distances; d++) {
       double largest = 0;
-      least[d] = FAR;
+      least[d] = NEVER;
       for (int64_t s = 0; s < known.sequences; s++) {
         const double low = known.near[d][s];
         least[d] = std::min(least[d], low);
-        largest = std::max(largest, low < FAR ? low : 0);
+        largest = std::max(largest, low < NEVER ? low : 0);
       }
       scale[d] = (BINS - 1) / std::max(largest - least[d], 1e-6);
-      first[d].resize(known.sequences);
-      last[d].resize(known.sequences);
-      for (int64_t s = 0; s < known.sequences; s++) first[d][s] = bin(d, known.near[d][s]);
-      for (int64_t s = 0; s < known.sequences; s++) last[d][s] = bin(d, known.far[d][s]);
+      first_bin[d].resize(known.sequences);
+      last_bin[d].resize(known.sequences);
+      for (int64_t s = 0; s < known.sequences; s++) first_bin[d][s] = bin(d, known.near[d][s]);
+      for (int64_t s = 0; s < known.sequences; s++) last_bin[d][s] = bin(d, known.far[d][s]);
       for (int64_t s = 0; s < known.sequences; s++) {
-        begun[d][first[d][s]]++;
-        ended[d][last[d][s]]++;
+        begun[d][first_bin[d][s]]++;
+        ended[d][last_bin[d][s]]++;
       }
     }
     for (int64_t s = 0; s < known.sequences; s++)
@@ -113,13 +140,12 @@ class Contest {
         ends += ended[d][b];
       }
       for (size_t i = 0; i < contenders.size(); i++) {
-        fewest[i] += must[first[d][contenders[i]]];
-        most[i] += may[last[d][contenders[i]]];
+        fewest[i] += must[first_bin[d][contenders[i]]];
+        most[i] += may[last_bin[d][contenders[i]]];
       }
     }
-    // One that may be out guarantees nothing.
     for (size_t i = 0; i < contenders.size(); i++)
-      if (known.far[0][contenders[i]] == FAR) most[i] = INT32_MAX;
+      if (known.may_be_out(contenders[i])) most[i] = INT32_MAX;
     std::vector<int32_t> best(std::min(k, int64_t(contenders.size())));
     std::partial_sort_copy(most.begin(), most.end(), best.begin(), best.end());
     std::vector<std::pair<int32_t, int64_t>> left;
@@ -129,28 +155,6 @@ class Contest {
     std::sort(left.begin(), left.end());
     contenders.clear();
     for (const auto& one : left) contenders.push_back(one.second);
-  }
-
-  // For each sequence, the bits of the distances of which the first contenders leave open who is nearer.
-  std::vector<uint8_t> open(int64_t count) const {
-    count = std::min(count, int64_t(contenders.size()));
-    std::vector<uint8_t> bits(known.sequences);
-    std::vector<double> lows(count), highs(count);
-    for (int d = 0; d < known.distances; d++) {
-      const double *near = known.near[d], *far = known.far[d];
-      for (int64_t i = 0; i < count; i++) {
-        lows[i] = near[contenders[i]];
-        highs[i] = far[contenders[i]];
-      }
-      std::sort(lows.begin(), lows.end());
-      std::sort(highs.begin(), highs.end());
-      for (int64_t s = 0; s < known.sequences; s++) {
-        if (near[s] > highs[count - 1] || far[s] < lows[0] || !known.frames[s]) continue;
-        const int64_t place = std::lower_bound(highs.begin(), highs.end(), near[s]) - highs.begin();
-        bits[s] |= (lows[place] <= far[s]) << d;
-      }
-    }
-    return bits;
   }
 
   std::vector<uint8_t> of_contenders() const {
@@ -174,30 +178,15 @@ class Contest {
       const int64_t s = list[i - AHEAD];
       uint64_t& frames = known.frames[s];
       double low, high;
-      if (bits[s] & 1 || frames & (frames - 1)) {
+      if (bits[s] & 1 || frames & (frames - 1)) {  // with fewer frames, the other distance varies less
         chosen.bound(s, {}, low, high, frames);
         draw_together(0, s, low, high);
       }
       if (bits[s] & 2) {
         other.compare(s, frames, low, high);
-        draw_together(1, s, low, high);
+        draw_together(1, s, low, known.may_be_out(s) ? NEVER : high);
       }
     }
-  }
-
-  // Lists the contenders, and then all others whose distances are to be looked up, for their ranks or because
-  // they may be out.
-  void list(int64_t* listed, int64_t* counts) {
-    std::sort(contenders.begin(), contenders.end());
-    std::vector<uint8_t> others(known.sequences);
-    if (contenders.size() > 1) others = open(contenders.size());
-    for (int64_t s = 0; s < known.sequences; s++) others[s] |= known.frames[s] && known.near[0][s] == 0;
-    for (const int64_t s : contenders) others[s] = 0;
-    counts[0] = contenders.size();
-    int64_t* end = std::copy(contenders.begin(), contenders.end(), listed);
-    for (int64_t s = 0; s < known.sequences; s++)
-      if (others[s]) *end++ = s;
-    counts[1] = end - listed;
   }
 
   std::vector<int64_t> contenders;
@@ -207,20 +196,20 @@ class Contest {
   const Known known;
   double least[2], scale[2];
   int32_t begun[2][BINS] = {}, ended[2][BINS] = {};
-  std::vector<int16_t> first[2], last[2];
+  std::vector<int16_t> first_bin[2], last_bin[2];
 
   INLINE int16_t bin(int d, double distance) const {
-    return int16_t(std::min((distance - least[d]) * scale[d], BINS - 1.));
+    return int16_t(std::clamp((distance - least[d]) * scale[d], 0., BINS - 1.));
   }
 
   void draw_together(int d, int64_t s, double low, double high) {
     double &near = known.near[d][s], &far = known.far[d][s];
     near = std::max(near, low);
     far = std::min(far, high);
-    begun[d][first[d][s]]--;
-    begun[d][first[d][s] = bin(d, near)]++;
-    ended[d][last[d][s]]--;
-    ended[d][last[d][s] = bin(d, far)]++;
+    begun[d][first_bin[d][s]]--;
+    begun[d][first_bin[d][s] = bin(d, near)]++;
+    ended[d][last_bin[d][s]]--;
+    ended[d][last_bin[d][s] = bin(d, far)]++;
   }
 };
 

@@ -59,14 +59,17 @@ class Contest:
         sound: Distances,
     ) -> None:
         self._starts, self._ranked = starts, ranked
-        self._frames = np.empty(len(starts), np.uint64)
-        listed, counts = np.empty(len(starts), np.int64), np.empty(2, np.int64)
-        settings = int(ranked[0] is sound), len(starts), np.ascontiguousarray(mask, bool), k
+        self._frames, listed, count = (
+            np.empty(len(starts), np.uint64),
+            np.empty(len(starts), np.int64),
+            np.empty(1, np.int64),
+        )
         bounds: list[np.ndarray | None] = [bound for by in ranked for bound in (by.near, by.far)]
-        bounds += [None] * (4 - len(bounds))
-        call("find", *settings, *tables, pose.query, sound.query, self._frames, *bounds, listed, counts)
-        contenders, looked_up = counts
-        self._look_up(listed[:looked_up])
+        self._known = [len(starts), self._frames, *bounds, *[None] * (4 - len(bounds))]
+        settings = int(ranked[0] is sound), np.ascontiguousarray(mask, bool), k
+        contenders = call("find", *self._known, *settings, *tables, pose.query, sound.query, listed, count)
+        # Contenders first: once they are known, few others are left that their ranks depend on.
+        self._look_up(listed[: count[0]])
         self._contenders = listed[:contenders][self._frames[listed[:contenders]] != 0]
 
     @property
@@ -79,6 +82,10 @@ class Contest:
         contenders = self._contenders
         if len(contenders) == 1:
             return int(contenders[0])
+        listed = np.empty(len(self._frames), np.int64)
+        undecided = listed[: call("list_undecided", *self._known, contenders, len(contenders), listed)]
+        by = self._ranked[0]
+        self._look_up(undecided[by.near[undecided] != by.far[undecided]])
         sums = np.zeros(len(self._frames), np.int64)
         for by in self._ranked:
             order = contenders[np.argsort(by.near[contenders], kind="stable")]

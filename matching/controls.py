@@ -215,8 +215,9 @@ class Controls:
             if _sequences(wanted) >= min(FEWEST, len(mask)):
                 mask = wanted
             elif isinstance(demand, Constraint):
-                percentile, mask = self._nearest(demand, mask)
-                relaxed.append(f"{demand}: relaxed to percentile {percentile:.1f}")
+                percentile, threshold, mask = self._nearest(demand, mask)
+                unit = UNITS[demand.quantity]
+                relaxed.append(f"{demand}: relaxed to {threshold:.2f} {unit}, percentile {percentile:.1f}")
             else:
                 relaxed.append(f"{demand}: dropped")
         return Admission(mask, _sequences(mask), float(eligible(mask).mean()), tuple(relaxed))
@@ -235,15 +236,19 @@ class Controls:
         """(S, 64) what the frames (N,) of each sequence have."""
         return np.lib.stride_tricks.sliding_window_view(frames, SEQUENCE)[self._database.starts]
 
-    def _nearest(self, constraint: Constraint, rest: np.ndarray) -> tuple[float, np.ndarray]:
-        """The percentile nearest to a constraint's at which FEWEST sequences stay eligible, and the mask."""
+    def _nearest(self, constraint: Constraint, rest: np.ndarray) -> tuple[float, float, np.ndarray]:
+        """The percentile nearest to a constraint's at which FEWEST sequences stay eligible.
+
+        Then the quantity there, and the mask.
+        """
         sign = 1 if constraint.bound == "at_least" else -1
         values = sign * self._values(constraint)
         # A window keeps a bound that both of its ends keep; a sequence, one that its best window keeps.
         windows = np.minimum(values[:, :POSITIONS], values[:, WINDOW - 1 :])
         best = np.where(eligible(rest), windows, -np.inf).max(axis=1)
         threshold = np.sort(best)[-min(FEWEST, len(best))]
-        return 100 * float(np.mean(sign * values <= sign * threshold)), rest & (values >= threshold)
+        percentile = 100 * float(np.mean(sign * values <= sign * threshold))
+        return percentile, float(sign * threshold), rest & (values >= threshold)
 
 
 def _strongest_first(demands: Sequence[Demand]) -> list[Demand]:

@@ -22,9 +22,9 @@ def table(arrays: Sequence[np.ndarray], *numbers: float) -> np.ndarray:
     return np.concatenate([pointers, np.array(numbers).view(np.uint64)])
 
 
-def call(name: str, *arguments: np.ndarray | int | None) -> None:
-    """Call a function of kernels.cpp; None stands for no array."""
-    getattr(_LIBRARY, name)(*map(_passed, arguments))
+def call(name: str, *arguments: np.ndarray | int | None) -> int:
+    """Call a function of kernels.cpp; None stands for no array. What it returns, if anything, is an int."""
+    return int(getattr(_LIBRARY, name)(*map(_passed, arguments)))
 
 
 def _passed(argument: np.ndarray | int | None) -> ctypes.c_int64 | ctypes.c_void_p:

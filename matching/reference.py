@@ -8,6 +8,7 @@ from gesture_bot.matching.search import (
     POSITIONS,
     Match,
     Preselection,
+    check_mask,
     check_queries,
     check_settings,
     eligible,
@@ -38,6 +39,8 @@ class Reference:
         """See Search.find."""
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
+        check_mask(mask, len(self.pose_features))
+        pose_query, audio_query = np.asarray(pose_query, np.float64), np.asarray(audio_query, np.float64)
         allowed = eligible(mask)
 
         # In each sequence, the eligible frame nearest to the query; 0 is the query's own frame.

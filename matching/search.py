@@ -20,6 +20,9 @@ PRESELECTIONS: tuple[str, ...] = get_args(Preselection)
 MAX_K = 15
 """MM22 varies its gestures with k up to this."""
 
+LARGEST = 1e6
+"""No number of a query is larger [standard deviations]."""
+
 POSITIONS = SEQUENCE - WINDOW + 1
 """Frames of a sequence at which a window can begin."""
 
@@ -44,10 +47,19 @@ class Match:
 
 
 def check_queries(pose_query: np.ndarray, audio_query: np.ndarray) -> None:
-    """Raise an InvalidValueError where a query holds numbers that are not finite."""
-    for name, query in ("pose", pose_query), ("audio", audio_query):
-        if not np.isfinite(query).all():
-            raise InvalidValueError(f"{name} query of the search", query, ["finite numbers"])
+    """Raise an InvalidValueError where a query is not a feature of numbers up to LARGEST."""
+    for name, query, numbers in ("pose", pose_query, 96), ("audio", audio_query, 112):
+        if np.shape(query) != (numbers,):
+            raise InvalidValueError(f"shape of the {name} query", np.shape(query), [f"({numbers},)"])
+        wrong = query[~(np.abs(query) <= LARGEST)]
+        if len(wrong):
+            raise InvalidValueError(f"number in the {name} query", wrong[0], [f"-{LARGEST:g} to {LARGEST:g}"])
+
+
+def check_mask(mask: np.ndarray, sequences: int) -> None:
+    """Raise an InvalidValueError where a control mask has another shape than (S, 64)."""
+    if np.shape(mask) != (sequences, SEQUENCE):
+        raise InvalidValueError("shape of the control mask", np.shape(mask), [f"({sequences}, {SEQUENCE})"])
 
 
 def check_settings(k: int, preselection: str) -> None:
@@ -130,13 +142,14 @@ class Search:
                 by pose and ranks by pose alone.
 
         Returns:
-            The match, or None where no sequence has an eligible frame.
+            The match, or None where no sequence has an eligible frame but the query's own.
 
         Raises:
-            InvalidValueError: See check_settings and check_queries.
+            InvalidValueError: See check_settings, check_queries and check_mask.
         """
         check_settings(k, preselection)
         check_queries(pose_query, audio_query)
+        check_mask(mask, len(self._starts))
         pose, audio = (
             Distances(stream, np.ascontiguousarray(query, np.float64), len(self._starts))
             for stream, query in ((self._poses, pose_query), (self._sounds, audio_query))
@@ -151,5 +164,5 @@ class Search:
         frame = contest.frame(winner)
         row = np.array([self.row(winner, frame)])
         pose_distance, audio_distance = float(pose.exact(row)[0]), float(audio.exact(row)[0])
-        self._poses.release()
+        self._poses.release()  # and the sounds, which lie in the same file
         return Match(winner, frame, pose_distance, audio_distance, candidates)

@@ -1,10 +1,13 @@
 """Speech features, keywords, emotion and control in; gesture windows of the database out."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, get_args
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.banks import load_banks
@@ -58,6 +61,7 @@ class GestureSelector(GestureNode):
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
         self._said: tuple[Any, ...] = ()
+        self._refused: dict[str, str] = {}
         self._publish_state()
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
@@ -80,12 +84,25 @@ class GestureSelector(GestureNode):
         self._selector.add_keyword(message.gesture, stroke, message.phrase)
 
     def _on_emotion(self, message: Emotion) -> None:
-        self._selector.set_emotion(message.expression, message.valence, message.arousal)
-        self._publish_state()
+        with self._taken("emotion"):
+            self._selector.set_emotion(message.expression, message.valence, message.arousal)
 
     def _on_control(self, message: Control) -> None:
         since = seconds(message.header.stamp) or self.now()
-        self._selector.set_controls([constraint_from(wanted) for wanted in message.constraints], since)
+        with self._taken("control"):
+            self._selector.set_controls([constraint_from(wanted) for wanted in message.constraints], since)
+
+    @contextmanager
+    def _taken(self, what: str) -> Iterator[None]:
+        """Tell of a message that is taken, or why the last one was refused and the one before stays."""
+        self._refused.pop(what, None)
+        try:
+            yield
+        except GestureBotError as error:
+            self._refused[what] = str(error)
+            raise
+        finally:
+            self._report()
         self._publish_state()
 
     def _plan(self) -> None:
@@ -114,11 +131,13 @@ class GestureSelector(GestureNode):
         self._states.publish(state)
 
     def _report(self) -> None:
-        relaxed = self._selector.relaxed
+        said = [f"refused {what}: {why}" for what, why in self._refused.items()]
+        if relaxed := self._selector.relaxed:
+            said.append(f"gave way: {', '.join(relaxed)}")
         status = DiagnosticStatus(
             name="gesture_bot: gesture selector",
-            level=DiagnosticStatus.WARN if relaxed else DiagnosticStatus.OK,
-            message=f"gave way: {', '.join(relaxed)}" if relaxed else "all constraints hold",
+            level=DiagnosticStatus.WARN if said else DiagnosticStatus.OK,
+            message="; ".join(said) or "all constraints hold",
             values=key_values(
                 expression=self._selector.emotion,
                 constraints=len(self._selector.constraints),

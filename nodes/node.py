@@ -1,5 +1,6 @@
 """What the nodes share: described parameters, guarded callbacks, and the quality of service."""
 
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -22,6 +23,10 @@ STATE = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 """Emotion, control, stop and modes: a late joiner gets the current one."""
+
+
+ECHO = 0.1
+"""The same state again within so long was heard by both subscriptions to it [s]."""
 
 
 class GestureNode(Node):
@@ -77,11 +82,19 @@ class GestureNode(Node):
         """Subscribe to a state: the latched one at the start, and every change, from any publisher.
 
         A transient local subscription hears no volatile publisher, which `ros2 topic pub` and most programs
-        are by default. So there are two; what both hear is taken twice, which leaves a state as it is.
+        are by default. So there are two; what both hear is taken once.
         """
+        heard = "", 0.0
+
+        def take(message: Any) -> None:
+            nonlocal heard
+            last, heard = heard, (str(message), time.monotonic())  # as text, where NaN is equal to NaN
+            if heard[0] != last[0] or heard[1] - last[1] > ECHO:
+                callback(message)
+
         # Without the default callbacks, which would warn of a publisher that the second one hears.
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
-        guarded = self._guarded(callback, topic)
+        guarded = self._guarded(take, topic)
         self.create_subscription(message_type, topic, guarded, STATE, event_callbacks=silent)
         self.create_subscription(message_type, topic, guarded, PLAN)
 

@@ -23,7 +23,7 @@ def test_a_strip_shows_each_keyframe(tmp_path, capsys):
             assert len(picture.convert("L").getcolors()) > 20
             widths[name] = picture.width
     assert widths["hello"] > 3 * widths["me"]
-    assert capsys.readouterr().out == f"{tmp_path / 'me.png'}\n{tmp_path / 'hello.png'}\n"
+    assert capsys.readouterr().out == f"wrote {tmp_path / 'me.png'}\nwrote {tmp_path / 'hello.png'}\n"
 
 
 def test_a_film_runs_in_real_time(tmp_path):

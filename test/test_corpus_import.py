@@ -194,7 +194,7 @@ def test_motion_without_sound_and_short_stretches_are_left_out():
     keypoints[[60, 61, 62, 63, 64, 65]] = np.nan
     made, counts = recordings(keypoints, 15, np.zeros((300, 28), np.float32))
     assert [len(recording.keypoints) for recording in made] == [300 - 66]
-    assert counts == {"read": 450, "kept": 234, "lost": 6, "short": 60, "silent": 150}
+    assert counts == {"read": 450, "kept": 234, "lost": 6, "short": 60, "soundless": 150}
 
 
 def test_a_recording_that_is_short_altogether_is_kept():

@@ -100,7 +100,9 @@ def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capfd):
     threading.Thread(target=interrupt).start()
     assert build(*arguments) == 130
     assert time.monotonic() - asked[0] < 5
-    assert "Traceback" not in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert "Traceback" not in said
+    assert f"interrupted; {parts} keeps what is done" in said
     assert output.read_text() == "the old database"
     kept = {part: part.stat().st_mtime_ns for part in parts.glob("*.npz")}
     assert 0 < len(kept) < 6
@@ -116,6 +118,27 @@ def test_an_interruption_is_quick_and_the_next_run_goes_on(tmp_path, capfd):
     whole = output.read_bytes()
     assert build(*arguments[:-1], 1) == 0
     assert output.read_bytes() == whole
+
+
+def test_sound_that_is_missing_is_told(tmp_path, capsys):
+    record(tmp_path / "whole.bvh", 8.0)
+    record(tmp_path / "cut.bvh", 16.0, seed=1)
+    record(tmp_path / "mute.bvh", 8.0)
+    sound = load_audio(tmp_path / "cut.wav")
+    soundfile.write(tmp_path / "cut.wav", sound[: 6 * SAMPLE_RATE], SAMPLE_RATE)
+    soundfile.write(tmp_path / "mute.wav", np.zeros(8 * SAMPLE_RATE), SAMPLE_RATE)
+    output = tmp_path / "own.safetensors"
+    assert build(tmp_path, "-o", output, "--workers", 1) == 0
+    out, err = capsys.readouterr()
+    assert "from 2 of 3 files" in out
+    assert "150 soundless" in out
+    assert "mute.wav is silent from beginning to end" in err
+    assert [line for line in err.splitlines() if line.startswith("note")] == [
+        f"note: the sound of {tmp_path.name}/cut.bvh ends early: 150 of 240 frames"
+    ]
+    plain = tmp_path / "plain"
+    plain.touch()
+    assert output.stat().st_mode == plain.stat().st_mode, "other users read it, as other files"
 
 
 def test_another_process_that_looks_at_the_command_does_not_run_it():

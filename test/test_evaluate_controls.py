@@ -96,9 +96,10 @@ def test_the_command_prints_and_writes_the_table(database, wav, tmp_path, capsys
     lines = list(csv.DictReader(output.open()))
     assert [line["control"] for line in lines] == list(CONTROLS)
     for line in lines:
-        row, _ = [text.split() for text in printed.splitlines() if text.startswith(line["control"])]
+        row, _, asked = [text.split() for text in printed.splitlines() if text.startswith(line["control"])]
         assert row[1] == f"{100 * float(line['threshold']):.1f}"
         assert row[3] == f"{100 * float(line['found_mean']):.1f}"
+        assert " ".join(asked[1:]) == line["constraint"]
         assert ("yes" in row) == (line["found_missed"] == "")
     assert "25.6 (3.4)" in printed
 

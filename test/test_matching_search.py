@@ -11,8 +11,11 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import INDEX, MATCHED
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching import kernels
+from gesture_bot.matching.codes import BYTE, SHORT, FrameCodes, PoseCodes
+from gesture_bot.matching.contest import Contest, Distances
+from gesture_bot.matching.features import poses, sounds
 from gesture_bot.matching.reference import Reference
-from gesture_bot.matching.search import Search
+from gesture_bot.matching.search import Search, eligible
 
 DATABASE = small_database(recordings=10)
 SEARCH, REFERENCE = Search(DATABASE), Reference(DATABASE)
@@ -137,6 +140,38 @@ def test_processors_without_avx2_find_the_same(large, monkeypatch):
         assert found == plain.find(pose, audio, mask, 1 + query % 15, preselection)
 
 
+@pytest.mark.parametrize("preselection", ["pose", "audio"])
+def test_every_distance_lies_between_its_bounds(preselection):
+    """With frames far from all others and silent ones, whose codes lose most."""
+    generator = np.random.default_rng(8)
+    database = large_database(100, seed=8)
+    database.keypoints[generator.integers(0, len(database.keypoints), 20)] *= 30
+    database.features[500:600] *= 1e-6
+    pose_stream, sound_stream = poses(database), sounds(database)
+    codes = [
+        PoseCodes(pose_stream, database.starts),
+        FrameCodes(pose_stream, database.starts, SHORT),
+        FrameCodes(sound_stream, database.starts, BYTE),
+        FrameCodes(sound_stream, database.starts, SHORT),
+    ]
+    for _ in range(50):
+        row, other = generator.integers(0, len(database.keypoints) - 14, 2)
+        pose = Distances(pose_stream, pose_stream.at(np.array([row]))[0] + 0.1, 100)
+        sound = Distances(sound_stream, sound_stream.at(np.array([other]))[0] + 0.1, 100)
+        ranked = [sound, pose] if preselection == "audio" else [pose, sound]
+        mask = random_mask(generator, 100, 0.5)
+        tables = [one.table for one in codes]
+        contest = Contest(database.starts, mask, 1, tables, ranked, pose, sound)
+        for sequence in np.flatnonzero(eligible(mask).any(axis=1)):
+            frames = np.flatnonzero(eligible(mask)[sequence])
+            rows = database.starts[sequence] + frames
+            frame = frames[ranked[0].exact(rows).argmin()]
+            for by in ranked:
+                exact = by.exact(database.starts[sequence] + np.array([frame]))[0]
+                assert by.near[sequence] <= exact <= by.far[sequence]
+        assert contest.candidates == eligible(mask).any(axis=1).sum()
+
+
 @BOTH
 def test_ties_go_to_the_first_sequence(search):
     """The last recording repeats the first, and both alone are allowed: every distance ties."""
@@ -200,11 +235,29 @@ def test_bad_settings_are_named(search, k, preselection, valid):
 
 @BOTH
 @pytest.mark.parametrize("broken", ["pose", "audio"])
-def test_a_query_that_is_not_finite_is_named(search, broken):
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e7])
+def test_a_query_that_makes_no_sense_is_named(search, broken, number):
     queries = dict(zip(("pose", "audio"), random_query(np.random.default_rng(0)), strict=True))
-    queries[broken][3] = np.nan
+    queries[broken][3] = number
     with pytest.raises(InvalidValueError, match=broken):
         search.find(queries["pose"], queries["audio"], np.ones((SEQUENCES, 64), bool))
+
+
+@BOTH
+@pytest.mark.parametrize("shape", [(SEQUENCES - 1, 64), (SEQUENCES, 60), (64,)])
+def test_a_mask_of_another_shape_is_named(search, shape):
+    pose, audio = random_query(np.random.default_rng(0))
+    with pytest.raises(InvalidValueError, match="control mask"):
+        search.find(pose, audio, np.ones(shape, bool))
+
+
+def test_a_body_that_never_moves_is_searched_without_warnings(recwarn):
+    still = large_database(3)
+    still.keypoints[:] = still.keypoints[0]
+    pose, audio = random_query(np.random.default_rng(0))
+    mask = np.ones((3, 64), bool)
+    assert Search(still).find(pose, audio, mask) == Reference(still).find(pose, audio, mask)
+    assert not recwarn.list
 
 
 def test_a_mapped_file_is_given_back_and_read_again(tmp_path):

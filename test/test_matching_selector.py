@@ -247,7 +247,7 @@ def test_motion_is_shown_as_recorded_where_it_has_the_emotion_or_a_control_bound
 def test_what_cannot_be_is_relaxed_and_said():
     chooser = selector()
     chooser.set_controls([Constraint("wrist_height", "at_least", 3.0, "both", "value")])
-    assert any("relaxed to percentile" in said for said in chooser.relaxed)
+    assert any("relaxed to " in said for said in chooser.relaxed)
     assert 0 < chooser.eligible < 0.1
     show = Show(chooser).run(8.0, SPEECH, START + 30)
     assert "speech" in show.sources
