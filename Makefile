@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg config launch
+INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg action config launch
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
 

@@ -28,6 +28,9 @@ ONSET = 4
 AHEAD = 0.8
 """Windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
 
+CUT_REACT = 0.1
+"""What is seen sooner than this is not changed by a cut any more [s]: time for the bus alone."""
+
 LATELY = 25 * FRAME_RATE
 """A window of speech does not come again within so many frames, where there are others."""
 
@@ -74,6 +77,7 @@ class Selector:
         self._features: dict[int, np.ndarray] = {}
         self._last_heard = -WINDOW
         self._strokes = Strokes(gestures)
+        self._cut: int | None = None
         self._late = 0
         self._emotion = find_emotion(emotions, "neutral", 0.0, 0.0)
         self._constraints: tuple[Demand, ...] = ()
@@ -151,6 +155,18 @@ class Selector:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
         self._strokes.add(gesture, stroke, phrase)
 
+    def cut(self, moment: float) -> None:
+        """Nothing of what was announced is heard from a moment on: its gestures end CUT_REACT later at most.
+
+        Args:
+            moment: On the clock of the plan [s since the epoch].
+        """
+        frame = first_frame_after(moment)
+        self._features = {heard: features for heard, features in self._features.items() if heard < frame}
+        self.add_features(frame, SILENCE_FEATURES)
+        self._strokes.cut(moment)
+        self._cut = frame
+
     def plan(self, now: float) -> list[Window]:
         """Windows that are new since the last call, so that everything up to `ahead` from now is planned.
 
@@ -174,6 +190,9 @@ class Selector:
         plan.forget(first_frame_after(now) - LATELY)
         oldest = soonest - 2 * WINDOW
         self._features = {frame: features for frame, features in self._features.items() if frame > oldest}
+        if self._cut is not None:
+            plan.cut(max(self._cut, first_frame_after(now + CUT_REACT)))
+            self._settling, self._cut = None, None
         self._interrupt_rest(plan, soonest)
 
         windows: list[Window] = []

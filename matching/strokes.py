@@ -138,6 +138,12 @@ class Strokes:
         self._keywords.append(_Keyword(gesture, called, called.weight(phrase), stroke))
         self._keywords.sort(key=lambda keyword: keyword.stroke)
 
+    def cut(self, moment: float) -> None:
+        """Drop what has its stroke from a moment on, and the end of a gesture that lasts longer."""
+        self._keywords = [keyword for keyword in self._keywords if keyword.stroke < moment]
+        if self._last and frame_time(self._last.over) > moment:
+            self._last = None
+
     def next(self, soonest: int, emotion: Emotion) -> Timing | None:
         """The next keyword's gesture; keywords that cannot be made are dropped.
 

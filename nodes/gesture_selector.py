@@ -6,6 +6,7 @@ from typing import Any, get_args
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Header
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
@@ -66,6 +67,7 @@ class GestureSelector(GestureNode):
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
+        self.listen(Header, "speech/cut", self._on_cut, PLAN)
         self.listen_to_state(Emotion, "emotion", self._on_emotion)
         if Expression:
             # Where the robots of PAL take the expression of their face, in the terms of REP-155.
@@ -82,6 +84,10 @@ class GestureSelector(GestureNode):
     def _on_keyword(self, message: Keyword) -> None:
         stroke = seconds(message.header.stamp) + self._delay
         self._selector.add_keyword(message.gesture, stroke, message.phrase)
+
+    def _on_cut(self, message: Header) -> None:
+        self._selector.cut(seconds(message.stamp) + self._delay)
+        self._plan()
 
     def _on_emotion(self, message: Emotion) -> None:
         with self._taken("emotion"):

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
+from std_msgs.msg import Header
+
 from gesture_bot.matching.banks import load_banks, triggers
 from gesture_bot.msg import Keyword
 from gesture_bot.msg import Word as WordMessage
@@ -24,6 +26,7 @@ class KeywordSpotter(GestureNode):
         self._heard, self._confidence = 0.0, 1.0
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)
+        self.listen(Header, "speech/cut", lambda message: self._spotter.forget(), PLAN)
         self.every(PATIENCE / 2, self._flush)
         self.waits_for("words on speech/words")
 

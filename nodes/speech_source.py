@@ -2,22 +2,23 @@
 
 import queue
 import threading
-from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from std_msgs.msg import String
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
+from std_msgs.msg import Header, String
 
+from gesture_bot.action import Speak
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.base.frames import first_frame_after, frame_time
 from gesture_bot.msg import Audio
 from gesture_bot.msg import Word as WordMessage
-from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, seconds, stamp
+from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
+from gesture_bot.speech.speaking import Piece, Speaking, Spoken
 from gesture_bot.speech.voice import Utterance, Voice, load_voice
-
-PIECE = SAMPLE_RATE // 10
-"""Samples in one message: 100 ms."""
 
 GRAPH = ("speech/audio", "speech/features", "gesture/selected", "gesture/refined", "gesture/joint_trajectory")
 """Topics that need a listener before something that is played once may begin."""
@@ -25,6 +26,31 @@ GRAPH = ("speech/audio", "speech/features", "gesture/selected", "gesture/refined
 
 LAST_RETRACTION = 1.5
 """From the end of what is played once to the end of the graph, time for the arms to come down [s]."""
+
+
+class _Text:
+    """A text on its way through the voice and the queue to its end, and the goal that asked for it."""
+
+    def __init__(self, text: str, goal: ServerGoalHandle | None = None) -> None:
+        self.text, self.goal = text, goal
+        self.spoken: Spoken | None = None
+        self.told = 0
+        self.dropped = False
+        self.ended = Future()  # why it was not heard to its end; empty where it was
+
+    def tell(self, now: float) -> None:
+        """Report to the goal what has begun to be heard, and whether all of it was."""
+        if not self.spoken:
+            return
+        start = self.spoken.start
+        begins = [("", 0.0), *((word.text, word.start) for word in self.spoken.utterance.words)]
+        while self.told < len(begins) and start + begins[self.told][1] <= now:
+            word, begin = begins[self.told]
+            self.told += 1
+            if self.goal:
+                self.goal.publish_feedback(Speak.Feedback(moment=stamp(start + begin), word=word))
+        if self.spoken.end <= now:
+            self.ended.set_result("")
 
 
 class SpeechSource(GestureNode):
@@ -37,10 +63,10 @@ class SpeechSource(GestureNode):
         )
         text = self.parameter("text", "", "Text to speak once; the graph ends when it has been spoken")
         voice = self.parameter("voice", "embedded", "Voice that speaks text")
-        self._lead = self.parameter(
+        lead = self.parameter(
             "lead", 2.0, "How long before it is heard sound is published at most [s]", bounds=(0.0, 10.0)
         )
-        self._start_delay = self.parameter(
+        start_delay = self.parameter(
             "start_delay",
             0.8,
             "From the synthesis of a text to its sound, time for a first gesture [s]",
@@ -48,69 +74,133 @@ class SpeechSource(GestureNode):
         )
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
-        self._texts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._cuts = self.create_publisher(Header, "speech/cut", PLAN)
+        self._speaking = Speaking(lead, start_delay)
+        self._texts: list[_Text] = []
+        self._goals: dict[bytes, _Text] = {}
+        self._to_speak: queue.SimpleQueue[_Text | None] = queue.SimpleQueue()
+        self._synthesised: queue.SimpleQueue[tuple[_Text, Utterance | str]] = queue.SimpleQueue()
         self._synthesis: threading.Thread | None = None
-        self._utterances: queue.SimpleQueue[Utterance] = queue.SimpleQueue()
-        self._pieces: deque[Audio] = deque()
-        self._utterance = 0
-        self._free_at = 0.0
+        self._server: ActionServer | None = None
 
-        self._once = bool(text) or speech != "say"
+        self._once: Utterance | None = None
+        self._begun = False
         if text:
-            self._utterances.put(load_voice(voice).speak(text))
+            self._once = load_voice(voice).speak(text)
         elif speech != "say":
-            self._utterances.put(Utterance(load_audio(speech), ()))
+            self._once = Utterance(load_audio(speech), ())
         else:
-            self.listen(String, "say", lambda message: self._texts.put(message.data), PLAN)
+            self.listen(String, "say", lambda message: self._take(_Text(message.data)), PLAN)
+            self._server = ActionServer(
+                self,
+                Speak,
+                "speak",
+                self._execute,
+                handle_accepted_callback=self._accept,
+                cancel_callback=self._cancel,
+            )
             # Synthesis has a thread, so that no other node of the process waits for it.
             self._synthesis = threading.Thread(target=self._synthesise, args=(load_voice(voice),))
             self._synthesis.start()
         self.every(0.05, self._pace)
-        self.waits_for("the rest of the graph" if self._once else "text on say")
+        self.waits_for("the rest of the graph" if self._once else "text on say and speak")
 
     def destroy_node(self) -> None:
         """Finish the sentence that is being synthesised; the rest is not spoken."""
-        while not self._texts.empty():
-            self._texts.get()
-        self._texts.put(None)
+        while not self._to_speak.empty():
+            self._to_speak.get()
+        self._to_speak.put(None)
         if self._synthesis:
             self._synthesis.join()
+        if self._server:
+            self._server.destroy()
         super().destroy_node()
 
     def _synthesise(self, voice: Voice) -> None:
         voice.speak("ready")  # the first text loads dictionaries
-        while (text := self._texts.get()) is not None:
+        while (text := self._to_speak.get()) is not None:
+            if text.dropped:
+                continue
             try:
-                self._utterances.put(voice.speak(text))
+                self._synthesised.put((text, voice.speak(text.text)))
             except GestureBotError as error:
-                self.get_logger().error(f"say: {error}")
+                self._synthesised.put((text, str(error)))
+
+    def _take(self, text: _Text) -> None:
+        self._texts.append(text)
+        self._to_speak.put(text)
+
+    def _accept(self, goal: ServerGoalHandle) -> None:
+        if goal.request.urgent:
+            self._drop(self._texts, "an urgent text came")
+        text = self._goals[bytes(goal.goal_id.uuid)] = _Text(goal.request.text, goal)
+        self._take(text)
+        goal.execute()
+
+    async def _execute(self, goal: ServerGoalHandle) -> Speak.Result:
+        """Wait for the end of a text."""
+        why = await self._goals.pop(bytes(goal.goal_id.uuid)).ended
+        if not why:
+            goal.succeed()
+        elif goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.abort()
+        return Speak.Result(spoken=not why, message=why)
+
+    def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+        self._drop([text for text in self._texts if text.goal is goal], "it was cancelled")
+        return CancelResponse.ACCEPT
+
+    def _drop(self, texts: Sequence[_Text], why: str) -> None:
+        """Take back some texts, wherever they are."""
+        moment = self._speaking.cut([text.spoken for text in texts if text.spoken], self.now())
+        if moment is not None:
+            self._cuts.publish(Header(stamp=stamp(moment)))
+        for text in texts:
+            text.dropped = True
+            text.ended.set_result(why)
+        self._texts = [text for text in self._texts if not text.dropped]
 
     def _pace(self) -> None:
         """Publish what is due; what is played once waits for the graph, and ends it."""
-        if self._once and not self._utterance and not all(map(self.count_subscribers, GRAPH)):
-            return
-        while not self._utterances.empty():
-            self._begin(self._utterances.get())
         now = self.now()
-        while self._pieces and seconds(self._pieces[0].header.stamp) - self._lead <= now:
-            self._audio.publish(self._pieces.popleft())
-        if self._once and now > self._free_at + LAST_RETRACTION:
+        if self._once and not self._begun:
+            if not all(map(self.count_subscribers, GRAPH)):
+                return
+            self._begun = True
+            self._speaking.put(self._once, now)
+        while not self._synthesised.empty():
+            text, said = self._synthesised.get()
+            if text.dropped:
+                continue
+            if isinstance(said, Utterance):
+                text.spoken = self._speaking.put(said, now)
+            else:
+                self.get_logger().error(f"say: {said}")
+                text.ended.set_result(said)
+        for due in self._speaking.due(now):
+            if isinstance(due, Piece):
+                self._audio.publish(_audio(due))
+            else:
+                self._publish_words(due)
+        for text in self._texts:
+            text.tell(now)
+        self._texts = [text for text in self._texts if not text.ended.done()]
+        if self._begun and now > self._speaking.end + LAST_RETRACTION:
             self.context.try_shutdown()
 
-    def _begin(self, utterance: Utterance) -> None:
-        """Put an utterance behind those before it; its words are published at once."""
-        start = frame_time(first_frame_after(max(self.now() + self._start_delay, self._free_at)))
-        self._free_at = start + len(utterance.samples) / SAMPLE_RATE
-        self._utterance += 1
-        for word in utterance.words:
-            spoken = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
-            spoken.header.stamp = stamp(start + word.start)
-            spoken.stress = word.stress - word.start
-            self._words.publish(spoken)
-        for first in range(0, len(utterance.samples), PIECE):
-            piece = Audio(utterance=self._utterance, sample_rate=SAMPLE_RATE)
-            piece.header.stamp = stamp(start + first / SAMPLE_RATE)
-            piece.header.frame_id = "voice"
-            piece.samples.frombytes(utterance.samples[first : first + PIECE].astype(np.float32).tobytes())
-            piece.last = first + PIECE >= len(utterance.samples)
-            self._pieces.append(piece)
+    def _publish_words(self, spoken: Spoken) -> None:
+        for word in spoken.utterance.words:
+            message = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
+            message.header.stamp = stamp(spoken.start + word.start)
+            message.stress = word.stress - word.start
+            self._words.publish(message)
+
+
+def _audio(piece: Piece) -> Audio:
+    message = Audio(utterance=piece.number, sample_rate=SAMPLE_RATE, last=piece.last)
+    message.header.stamp = stamp(piece.moment)
+    message.header.frame_id = "voice"
+    message.samples.frombytes(piece.samples.astype(np.float32).tobytes())
+    return message

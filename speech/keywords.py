@@ -50,6 +50,10 @@ class KeywordSpotter:
         self._words += [word for word in words if bare(word.text)]
         return self._spot(more=True)
 
+    def forget(self) -> None:
+        """The words that wait will not be heard."""
+        self._words = []
+
     def flush(self) -> list[Spotted]:
         """Nothing follows the words so far: decide those that wait."""
         return self._spot(more=False)

@@ -294,3 +294,28 @@ def test_bad_input_is_named_and_changes_nothing():
         selector(k=0)
     with pytest.raises(InvalidValueError, match="pose, audio, pose_only"):
         selector(preselection="both")
+
+
+def test_a_cut_ends_speech_and_its_gestures_at_once_and_for_good():
+    show = Show(selector()).run(4.0, SPEECH, START + 15)  # announced two seconds ahead
+    show.chooser.add_keyword("hello", show.now + 1.0)
+    show.run(0.5)
+    assert {"speech", "bank"} <= set(show.sources)
+    moment = show.now
+    show.chooser.cut(moment)
+    show.run(3.0)
+    after = {window.source for frame, (_, window) in show.seen.items() if frame_time(frame) > moment + 0.2}
+    assert after == {"rest"}
+    speed = np.linalg.norm(np.diff(show.keypoints, axis=0), axis=-1) * FRAME_RATE
+    assert speed[-10:].max() < 0.05
+
+
+def test_after_a_cut_the_next_sentence_has_its_gestures():
+    show = Show(selector()).run(4.0, SPEECH, START + 15)
+    show.chooser.cut(show.now)
+    show.run(0.3)
+    before = len(show.sources)
+    show.run(1.0, SPEECH[40:80], round(show.now * FRAME_RATE) + 12)
+    show.chooser.add_keyword("hello", show.now + 1.0)
+    show.run(2.5)
+    assert {"speech", "bank"} <= set(show.sources[before:])

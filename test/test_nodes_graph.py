@@ -7,18 +7,21 @@ import time
 import numpy as np
 import pytest
 import soundfile
+from action_msgs.msg import GoalStatus
 from conftest import command, running, wait_until
+from rclpy.action import ActionClient
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
+from gesture_bot.action import Speak
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.motion_report import motion_report
 from gesture_bot.msg import Constraint, Control, Emotion
 from gesture_bot.nodes.messages import clip_from, trajectory_to
-from gesture_bot.nodes.node import PLAN, STATE
+from gesture_bot.nodes.node import PLAN, STATE, seconds
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
@@ -178,6 +181,69 @@ def test_operator_takes_an_arm_and_gives_it_back_and_stop_latches(graph, say):
     time.sleep(2.5)
     _, positions = graph.record.joint_positions()
     assert np.ptp(positions[moved:], axis=0).max() > 0.02, "a reset lets the gestures go on"
+
+
+def test_an_urgent_text_cuts_the_one_before_short(graph):
+    client = ActionClient(graph, Speak, "speak")
+    assert client.wait_for_server(10)
+    told = {"old": [], "new": []}
+    results = {}
+
+    def speak(name, **goal):
+        def on_goal(future):
+            future.result().get_result_async().add_done_callback(
+                lambda done: results.update({name: done.result()})
+            )
+
+        sent = client.send_goal_async(Speak.Goal(**goal), lambda heard: told[name].append(heard.feedback))
+        sent.add_done_callback(on_goal)
+
+    speak("old", text=TEXT)
+    wait_until(lambda: len(told["old"]) > 6, 30, "the first words")
+    assert [one.word for one in told["old"]][:4] == ["", "Hello", "today", "we"]
+    asked = graph.now()
+    speak("new", text="Stop. Please go away from the table.", urgent=True)
+    wait_until(lambda: "new" in results, 30, "the end of the urgent text")
+    assert results["old"].status == GoalStatus.STATUS_ABORTED
+    assert not results["old"].result.spoken
+    assert results["old"].result.message == "an urgent text came"
+    assert results["new"].result.spoken
+    words = [one.word for one in told["new"]]
+    assert words == ["", "Stop", "Please", "go", "away", "from", "the", "table"]
+
+    numbers = [heard.message.utterance for heard in graph.record.audio]
+    assert numbers == sorted(numbers) and set(numbers) == {1, 2}
+    old = [heard for heard in graph.record.audio if heard.message.utterance == 1]
+    assert old[-1].arrival < asked + 0.2, "nothing of the old text is given out any more"
+    begin = seconds(told["new"][0].moment)
+    shown = {}
+    for heard in graph.record.selected:
+        clip = clip_from(heard.message)
+        shown = {frame: source for frame, source in shown.items() if frame < clip.start}
+        shown.update(dict.fromkeys(range(clip.start, clip.stop), heard.message.source))
+    between = {source for frame, source in shown.items() if asked + 0.25 < frame / FRAME_RATE < begin - 0.5}
+    assert between == {"rest"}
+
+
+def test_a_cancelled_text_is_silent_and_the_next_goes_on(graph):
+    client = ActionClient(graph, Speak, "speak")
+    assert client.wait_for_server(10)
+    goals, results = [], {}
+    for number, text in enumerate((TEXT, "Now I speak.", " ... ")):
+        sent = client.send_goal_async(Speak.Goal(text=text))
+        wait_until(sent.done, 10, "the goal to be accepted")
+        goals.append(sent.result())
+        goals[-1].get_result_async().add_done_callback(
+            lambda done, number=number: results.update({number: done.result()})
+        )
+    wait_until(lambda: graph.record.audio and graph.now() > graph.record.audio[0].stamp + 1.0, 20, "speech")
+    cancelled = graph.now()
+    goals[0].cancel_goal_async()
+    wait_until(lambda: len(results) == 3, 20, "the end of all")
+    assert results[0].status == GoalStatus.STATUS_CANCELED
+    assert results[1].result.spoken
+    assert "nothing that can be spoken" in results[2].result.message
+    assert graph.now() - cancelled < 6
 
 
 def test_interrupt_ends_it_within_two_seconds(graph, say):
