@@ -79,6 +79,10 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
         return _report(error)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:
+        # Ctrl-C ends rclpy's context at any moment, also while a message is taken.
+        if rclpy.ok():
+            raise
     finally:
         # A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
