@@ -156,7 +156,10 @@ class Selector:
         self._strokes.add(gesture, stroke, phrase)
 
     def cut(self, moment: float) -> None:
-        """Nothing of what was announced is heard from a moment on: its gestures end CUT_REACT later at most.
+        """Nothing of what was announced is heard from a moment on.
+
+        Its gestures give way to rest then or, where it is too late for that, CUT_REACT and up to a frame
+        after the next call of `plan`.
 
         Args:
             moment: On the clock of the plan [s since the epoch].
@@ -165,7 +168,7 @@ class Selector:
         self._features = {heard: features for heard, features in self._features.items() if heard < frame}
         self.add_features(frame, SILENCE_FEATURES)
         self._strokes.cut(moment)
-        self._cut = frame
+        self._cut = frame if self._cut is None else min(frame, self._cut)
 
     def plan(self, now: float) -> list[Window]:
         """Windows that are new since the last call, so that everything up to `ahead` from now is planned.

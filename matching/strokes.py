@@ -112,12 +112,13 @@ class Strokes:
         self._gestures = gestures
         self._keywords: list[_Keyword] = []
         self._last: Timing | None = None
+        self._over = 0
         self._made: dict[str, float] = {}
 
     @property
     def free_from(self) -> int:
         """The frame at which the last gesture is finished but for its retraction."""
-        return self._last.over if self._last else 0
+        return self._over
 
     def add(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture with its stroke at a moment, or as soon after as a person could.
@@ -139,10 +140,12 @@ class Strokes:
         self._keywords.sort(key=lambda keyword: keyword.stroke)
 
     def cut(self, moment: float) -> None:
-        """Drop what has its stroke from a moment on, and the end of a gesture that lasts longer."""
+        """Drop what has its stroke from a moment on; a gesture that is under way ends there, too."""
         self._keywords = [keyword for keyword in self._keywords if keyword.stroke < moment]
-        if self._last and frame_time(self._last.over) > moment:
+        if self._last and self._last.stroke >= moment:
+            self._made.pop(self._last.keyword.name, None)
             self._last = None
+        self._over = min(self._over, first_frame_after(moment))
 
     def next(self, soonest: int, emotion: Emotion) -> Timing | None:
         """The next keyword's gesture; keywords that cannot be made are dropped.
@@ -171,9 +174,9 @@ class Strokes:
             low: Hands that are to stay low.
         """
         self._keywords.remove(timing.keyword)
-        if self._last and timing.begin < self._last.over:
-            del self._made[self._last.keyword.name]
-        self._last = timing
+        if self._last and timing.begin < self._over:
+            self._made.pop(self._last.keyword.name, None)
+        self._last, self._over = timing, timing.over
         self._made[timing.keyword.name] = timing.stroke
 
         frames = np.arange(timing.begin, timing.stop)

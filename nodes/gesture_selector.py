@@ -6,7 +6,6 @@ from typing import Any, get_args
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from std_msgs.msg import Header
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
@@ -15,10 +14,11 @@ from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
-from gesture_bot.msg import Control, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
+from gesture_bot.msg import Control, Cut, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
 from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.messages import clip_to, key_values
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds, stamp
+from gesture_bot.speech.cuts import Cuts
 
 try:
     from hri_msgs.msg import Expression
@@ -61,13 +61,14 @@ class GestureSelector(GestureNode):
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
+        self._cuts = Cuts()
         self._said: tuple[Any, ...] = ()
         self._refused: dict[str, str] = {}
         self._publish_state()
 
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
-        self.listen(Header, "speech/cut", self._on_cut, PLAN)
+        self.listen(Cut, "speech/cut", self._on_cut, PLAN)
         self.listen_to_state(Emotion, "emotion", self._on_emotion)
         if Expression:
             # Where the robots of PAL take the expression of their face, in the terms of REP-155.
@@ -77,16 +78,26 @@ class GestureSelector(GestureNode):
         self.every(1.0, self._report)
         self.waits_for("features on speech/features; rests until then")
 
+    def _is_void(self, message: SpeechFeatures | Keyword) -> bool:
+        header = message.header
+        return self._cuts.void(header.frame_id, message.utterance, seconds(header.stamp))
+
     def _on_features(self, message: SpeechFeatures) -> None:
+        if self._is_void(message):
+            return
         frame = round((seconds(message.header.stamp) + self._delay) * FRAME_RATE)
         self._selector.add_features(frame, np.asarray(message.features))
 
     def _on_keyword(self, message: Keyword) -> None:
+        if self._is_void(message):
+            return
         stroke = seconds(message.header.stamp) + self._delay
         self._selector.add_keyword(message.gesture, stroke, message.phrase)
 
-    def _on_cut(self, message: Header) -> None:
-        self._selector.cut(seconds(message.stamp) + self._delay)
+    def _on_cut(self, cut: Cut) -> None:
+        moment = seconds(cut.header.stamp)
+        self._cuts.add(cut.header.frame_id, cut.utterance, moment)
+        self._selector.cut(moment + self._delay)
         self._plan()
 
     def _on_emotion(self, message: Emotion) -> None:

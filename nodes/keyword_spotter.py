@@ -3,13 +3,12 @@
 from collections.abc import Iterable
 from typing import Any
 
-from std_msgs.msg import Header
-
 from gesture_bot.matching.banks import load_banks, triggers
-from gesture_bot.msg import Keyword
+from gesture_bot.msg import Cut, Keyword
 from gesture_bot.msg import Word as WordMessage
 from gesture_bot.nodes.node import PLAN, GestureNode, seconds, stamp
 from gesture_bot.speech import keywords
+from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.voice import Word
 
 PATIENCE = 0.2
@@ -23,18 +22,26 @@ class KeywordSpotter(GestureNode):
         super().__init__(name, **options)
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         self._spotter = keywords.KeywordSpotter(triggers(load_banks(banks)))
-        self._heard, self._confidence = 0.0, 1.0
+        self._heard, self._last = 0.0, WordMessage(confidence=1.0)
+        self._cuts = Cuts()
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)
-        self.listen(Header, "speech/cut", lambda message: self._spotter.forget(), PLAN)
+        self.listen(Cut, "speech/cut", self._on_cut, PLAN)
         self.every(PATIENCE / 2, self._flush)
         self.waits_for("words on speech/words")
 
+    def _on_cut(self, cut: Cut) -> None:
+        moment = seconds(cut.header.stamp)
+        self._cuts.add(cut.header.frame_id, cut.utterance, moment)
+        self._spotter.cut(moment)
+
     def _on_word(self, message: WordMessage) -> None:
         begin = seconds(message.header.stamp)
+        if self._cuts.void(message.header.frame_id, message.utterance, begin):
+            return
         word = Word(message.text, begin, begin + message.duration, begin + message.stress)
         self._heard = self.now()
-        self._confidence = message.confidence
+        self._last = message
         self._publish(self._spotter.spot([word]))
 
     def _flush(self) -> None:
@@ -49,7 +56,9 @@ class KeywordSpotter(GestureNode):
                 phrase=spotted.phrase,
                 begin=stamp(spotted.start),
                 duration=spotted.end - spotted.start,
-                confidence=self._confidence,
+                confidence=self._last.confidence,
+                utterance=self._last.utterance,
             )
             keyword.header.stamp = stamp(spotted.stress)
+            keyword.header.frame_id = self._last.header.frame_id
             self._publisher.publish(keyword)

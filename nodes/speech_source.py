@@ -3,6 +3,7 @@
 import queue
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,7 @@ from rclpy.task import Future
 from std_msgs.msg import Header, String
 
 from gesture_bot.action import Speak
-from gesture_bot.base.errors import GestureBotError
-from gesture_bot.msg import Audio
+from gesture_bot.msg import Audio, Cut
 from gesture_bot.msg import Word as WordMessage
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
@@ -74,7 +74,7 @@ class SpeechSource(GestureNode):
         )
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
-        self._cuts = self.create_publisher(Header, "speech/cut", PLAN)
+        self._cuts = self.create_publisher(Cut, "speech/cut", PLAN)
         self._speaking = Speaking(lead, start_delay)
         self._texts: list[_Text] = []
         self._goals: dict[bytes, _Text] = {}
@@ -107,8 +107,9 @@ class SpeechSource(GestureNode):
 
     def destroy_node(self) -> None:
         """Finish the sentence that is being synthesised; the rest is not spoken."""
-        while not self._to_speak.empty():
-            self._to_speak.get()
+        with suppress(queue.Empty):
+            while True:
+                self._to_speak.get_nowait()
         self._to_speak.put(None)
         if self._synthesis:
             self._synthesis.join()
@@ -123,7 +124,7 @@ class SpeechSource(GestureNode):
                 continue
             try:
                 self._synthesised.put((text, voice.speak(text.text)))
-            except GestureBotError as error:
+            except Exception as error:  # whatever a voice says, the texts behind it are spoken
                 self._synthesised.put((text, str(error)))
 
     def _take(self, text: _Text) -> None:
@@ -154,9 +155,10 @@ class SpeechSource(GestureNode):
 
     def _drop(self, texts: Sequence[_Text], why: str) -> None:
         """Take back some texts, wherever they are."""
-        moment = self._speaking.cut([text.spoken for text in texts if text.spoken], self.now())
-        if moment is not None:
-            self._cuts.publish(Header(stamp=stamp(moment)))
+        cut = self._speaking.cut([text.spoken for text in texts if text.spoken], self.now())
+        if cut:
+            moment, utterance = cut
+            self._cuts.publish(Cut(header=_header(moment), utterance=utterance))
         for text in texts:
             text.dropped = True
             text.ended.set_result(why)
@@ -177,7 +179,7 @@ class SpeechSource(GestureNode):
             if isinstance(said, Utterance):
                 text.spoken = self._speaking.put(said, now)
             else:
-                self.get_logger().error(f"say: {said}")
+                self.get_logger().error(f"cannot speak {text.text!r} ({said})")
                 text.ended.set_result(said)
         for due in self._speaking.due(now):
             if isinstance(due, Piece):
@@ -193,14 +195,17 @@ class SpeechSource(GestureNode):
     def _publish_words(self, spoken: Spoken) -> None:
         for word in spoken.utterance.words:
             message = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
-            message.header.stamp = stamp(spoken.start + word.start)
+            message.header, message.utterance = _header(spoken.start + word.start), spoken.number
             message.stress = word.stress - word.start
             self._words.publish(message)
 
 
+def _header(moment: float) -> Header:
+    return Header(stamp=stamp(moment), frame_id="voice")
+
+
 def _audio(piece: Piece) -> Audio:
     message = Audio(utterance=piece.number, sample_rate=SAMPLE_RATE, last=piece.last)
-    message.header.stamp = stamp(piece.moment)
-    message.header.frame_id = "voice"
+    message.header = _header(piece.moment)
     message.samples.frombytes(piece.samples.astype(np.float32).tobytes())
     return message

@@ -50,9 +50,9 @@ class KeywordSpotter:
         self._words += [word for word in words if bare(word.text)]
         return self._spot(more=True)
 
-    def forget(self) -> None:
-        """The words that wait will not be heard."""
-        self._words = []
+    def cut(self, moment: float) -> None:
+        """The words that wait and begin from a moment on will not be heard."""
+        self._words = [word for word in self._words if word.start < moment]
 
     def flush(self) -> list[Spotted]:
         """Nothing follows the words so far: decide those that wait."""

@@ -13,9 +13,6 @@ from gesture_bot.speech.voice import Utterance
 PIECE = SAMPLE_RATE // 10
 """Samples that are given out at once: 100 ms."""
 
-QUIET = 0.1
-"""After a cut, nothing is given out for so long, so that it overtakes the cut nowhere [s]."""
-
 
 @dataclass(eq=False)
 class Spoken:
@@ -24,10 +21,12 @@ class Spoken:
     Attributes:
         utterance: What is said.
         start: When its first sample is heard, on the frame grid [s since the epoch].
+        number: As in its pieces.
     """
 
     utterance: Utterance
-    start: float
+    start: float = 0.0
+    number: int = 0
 
     @property
     def end(self) -> float:
@@ -40,7 +39,7 @@ class Piece:
     """Samples to give out.
 
     Attributes:
-        number: Counts up with every utterance that begins.
+        number: Of the utterance; it counts up, also where one is put to another place.
         moment: When the first sample is heard [s since the epoch].
         samples: (n,) float32 at SAMPLE_RATE.
         last: Whether the utterance ends with them.
@@ -65,49 +64,48 @@ class Speaking:
         self._queue: deque[Spoken] = deque()
         self._waiting: deque[Spoken | Piece] = deque()
         self._number = 0
-        self._silent_until = 0.0
         self.end = 0.0
 
     def put(self, utterance: Utterance, now: float) -> Spoken:
         """Say an utterance after all others [s since the epoch]."""
-        spoken = Spoken(utterance, 0.0)
+        spoken = Spoken(utterance)
         self._place(spoken, now)
         return spoken
 
     def due(self, now: float) -> list[Spoken | Piece]:
         """What is to be given out now: an utterance, for its words, before its pieces."""
         due = []
-        while self._waiting and now >= self._silent_until:
-            if _moment(self._waiting[0]) - self._lead > now:
-                break
+        while self._waiting and _moment(self._waiting[0]) - self._lead <= now:
             due.append(self._waiting.popleft())
         while self._queue and self._queue[0].end < now:
             self._queue.popleft()
         return due
 
-    def cut(self, unwanted: Collection[Spoken], now: float) -> float | None:
+    def cut(self, unwanted: Collection[Spoken], now: float) -> tuple[float, int] | None:
         """Take back some utterances, wherever they are; those behind them move up.
 
         Returns:
-            The moment from which on all that was given out is void; None where nothing has to be taken back.
+            The moment from which on what was given out is void, and the last number of it; None where nothing
+            that is to be heard has been given out.
         """
-        cut = next((spoken for spoken in self._queue if spoken in unwanted and spoken.end > now), None)
-        if cut is None:
+        queue = list(self._queue)
+        first = next((i for i, one in enumerate(queue) if one in unwanted and one.end > now), None)
+        if first is None:
             return None
-        moment = max(now, cut.start)
-        before = [spoken for spoken in self._queue if spoken.start < cut.start]
-        behind = [spoken for spoken in self._queue if spoken.start > cut.start and spoken not in unwanted]
-        first = [one for one in self._waiting if _moment(one) < cut.start]
-        self._queue, self._waiting, self.end = deque(before), deque(first), moment
-        self._silent_until = now + QUIET
-        for spoken in behind:
-            self._place(spoken, now)
-        return moment
+        cut, moment, number = queue[first], max(now, queue[first].start), self._number
+        given_out = cut not in self._waiting
+        before = [one for one in self._waiting if _moment(one) < cut.start]
+        self._queue, self._waiting, self.end = deque(queue[:first]), deque(before), moment
+        for spoken in queue[first + 1 :]:
+            if spoken not in unwanted:
+                self._place(spoken, now)
+        return (moment, number) if given_out else None
 
     def _place(self, spoken: Spoken, now: float) -> None:
         spoken.start = frame_time(first_frame_after(max(now + self._start_delay, self.end)))
         self.end = spoken.end
         self._number += 1
+        spoken.number = self._number
         self._queue.append(spoken)
         self._waiting.append(spoken)
         samples = spoken.utterance.samples

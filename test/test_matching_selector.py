@@ -310,6 +310,33 @@ def test_a_cut_ends_speech_and_its_gestures_at_once_and_for_good():
     assert speed[-10:].max() < 0.05
 
 
+def test_a_cut_gesture_may_be_made_at_once_for_the_next_sentence():
+    show = Show(selector()).run(1.0)
+    show.chooser.add_keyword("hello", show.now + 1.5)
+    show.run(0.9)
+    assert "bank" in show.sources, "it prepares"
+    show.chooser.cut(show.now)
+    show.chooser.add_keyword("hello", show.now + 1.2)
+    show.run(2.0)
+    strokes = {window.stroke for _, window in show.seen.values() if window.source == "bank"}
+    assert max(strokes) == pytest.approx(show.now - 0.8, abs=0.1)
+
+
+def test_a_cut_that_is_to_come_lets_the_gesture_before_it_be_finished():
+    def bank_frames(cut):
+        show = Show(selector()).run(1.0, SPEECH, START + 15)
+        show.chooser.add_keyword("hello", show.now + 1.0)
+        show.run(0.4)
+        if cut:
+            show.chooser.cut(show.now + 1.2)
+        show.run(2.5)
+        return [frame for frame, (_, window) in sorted(show.seen.items()) if window.source == "bank"]
+
+    whole, cut = bank_frames(False), bank_frames(True)
+    assert cut == [frame for frame in whole if frame <= cut[-1]]
+    assert cut[-1] >= whole[0] + 12
+
+
 def test_after_a_cut_the_next_sentence_has_its_gestures():
     show = Show(selector()).run(4.0, SPEECH, START + 15)
     show.chooser.cut(show.now)
