@@ -20,6 +20,12 @@ Unit = Literal["percentile", "value"]
 FEWEST = 5
 """Sequences that the constraints must leave to choose from; with fewer, the robot would repeat itself."""
 
+ROOM = MAX_K
+"""Sequences that a constraint leaves once it has given way, or half of all in a small database.
+
+With FEWEST alone, at the end of what people do, the robot would stand still for seconds while it speaks.
+"""
+
 
 AROUND = WINDOW // 2
 """Where a window has begun lately, none begins or ends up to so many frames before or after."""
@@ -201,7 +207,7 @@ class Controls:
         """The frames that keep all constraints, or as much of them as leaves enough to choose from.
 
         The constraints are taken by priority, the highest first. One that would leave fewer than FEWEST
-        sequences with an eligible window moves to the nearest percentile that leaves so many. A label that
+        sequences with an eligible window moves to the nearest percentile that leaves ROOM. A label that
         leaves fewer is dropped.
 
         Args:
@@ -237,7 +243,7 @@ class Controls:
         return np.lib.stride_tricks.sliding_window_view(frames, SEQUENCE)[self._database.starts]
 
     def _nearest(self, constraint: Constraint, rest: np.ndarray) -> tuple[float, float, np.ndarray]:
-        """The percentile nearest to a constraint's at which FEWEST sequences stay eligible.
+        """The percentile nearest to a constraint's at which ROOM sequences stay eligible, or all that are.
 
         Then the quantity there, and the mask.
         """
@@ -246,7 +252,8 @@ class Controls:
         # A window keeps a bound that both of its ends keep; a sequence, one that its best window keeps.
         windows = np.minimum(values[:, :POSITIONS], values[:, WINDOW - 1 :])
         best = np.where(eligible(rest), windows, -np.inf).max(axis=1)
-        threshold = np.sort(best)[-min(FEWEST, len(best))]
+        room = min(ROOM, max(FEWEST, len(best) // 2), int(np.isfinite(best).sum()))
+        threshold = np.sort(best)[-room]
         percentile = 100 * float(np.mean(sign * values <= sign * threshold))
         return percentile, float(sign * threshold), rest & (values >= threshold)
 

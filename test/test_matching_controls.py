@@ -9,7 +9,7 @@ from small_database import motion, small_database, sound
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.keypoints import INDEX, mirror
 from gesture_bot.corpus.recordings import Recording, build_database
-from gesture_bot.matching.controls import FEWEST, Constraint, Controls, LabelConstraint
+from gesture_bot.matching.controls import FEWEST, ROOM, Constraint, Controls, LabelConstraint
 from gesture_bot.matching.quantities import MEASURES, QUANTITIES, TWO_HANDED, measure
 from gesture_bot.matching.search import eligible
 
@@ -124,7 +124,7 @@ def test_the_lowest_priority_gives_way_first_and_of_equal_ones_the_later(high, l
 def test_what_gives_way_goes_no_further_than_it_must(quantity, hand, bound):
     value = 9.0 if bound == "at_least" else -9.0
     admission = CONTROLS.admit([Constraint(quantity, bound, value, hand, "value")])
-    assert sequences(admission) >= FEWEST
+    assert sequences(admission) >= ROOM
     (said,) = admission.relaxed
     # The admitted frames are those at a threshold; at the next stricter number, too few sequences are left.
     hands = {"left": [0], "right": [1], "both": slice(None)}[hand]
@@ -132,7 +132,7 @@ def test_what_gives_way_goes_no_further_than_it_must(quantity, hand, bound):
     threshold = outermost(MEASURED[quantity][admission.mask][:, hands])
     for value, few in ((threshold, False), (np.nextafter(threshold, strictest), True)):
         mask = CONTROLS.mask(Constraint(quantity, bound, float(value), hand, "value"))
-        assert (eligible(mask).any(axis=1).sum() < FEWEST) == few
+        assert (eligible(mask).any(axis=1).sum() < ROOM) == few
     percentile = float(said.rsplit(" ", 1)[1])
     constraint = Constraint(quantity, bound, percentile, hand)
     assert CONTROLS.mask(constraint).mean() == pytest.approx(admission.mask.mean(), abs=0.002)
