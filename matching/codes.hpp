@@ -72,7 +72,7 @@ INLINE void each(uint64_t set, Do&& act) {
 }
 
 // Sixteen codes as numbers; a pair of them, eight times; sums of the products of each pair of two; the numbers of
-// the next lanes; the bytes of a word.
+// the next lanes; the bytes of a word; the set of the bytes that are 1 and not 0.
 INLINE Shorts loaded(const int16_t* codes) {
   Shorts numbers;
   std::memcpy(&numbers, codes, sizeof numbers);
@@ -92,6 +92,14 @@ INLINE Ints of_next_lane(Ints numbers) {
   return Ints(_mm256_permutevar8x32_epi32(__m256i(numbers), _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 7)));
 }
 INLINE Ints bytes_of(uint64_t word) { return Ints(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(int64_t(word)))); }
+INLINE uint64_t set_of(const uint8_t* bytes) {
+  uint64_t set = 0;
+  for (int i = 0; i < WINDOWS; i += 32) {
+    const __m256i some = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bytes + i));
+    set |= uint64_t(uint32_t(_mm256_movemask_epi8(_mm256_cmpgt_epi8(some, __m256i{})))) << i;
+  }
+  return set;
+}
 #else
 INLINE Shorts loaded(const int8_t* codes) {
   Shorts numbers;
@@ -117,6 +125,11 @@ INLINE Ints bytes_of(uint64_t word) {
   Ints bytes;
   for (int l = 0; l < LANES; l++) bytes[l] = int32_t(word >> (8 * l) & 255);
   return bytes;
+}
+INLINE uint64_t set_of(const uint8_t* bytes) {
+  uint64_t set = 0;
+  for (int i = 0; i < WINDOWS; i++) set |= uint64_t(bytes[i]) << i;
+  return set;
 }
 #endif
 

@@ -16,12 +16,7 @@ constexpr int AHEAD = 16;  // sequences from asking for their memory to reading 
 
 // The frames of a sequence at which a window may begin: allowed there and at its last frame.
 INLINE uint64_t eligible(const uint8_t* mask) {
-  uint64_t word = 0;
-  for (int byte = 0; byte < WINDOWS / 8; byte++) {
-    uint64_t eight;
-    std::memcpy(&eight, mask + 8 * byte, sizeof eight);
-    word |= (eight * 0x0102040810204080u) >> 56 << (8 * byte);
-  }
+  const uint64_t word = set_of(mask);
   return word & word >> 7;
 }
 

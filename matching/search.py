@@ -51,8 +51,8 @@ def check_queries(pose_query: np.ndarray, audio_query: np.ndarray) -> None:
     for name, query, numbers in ("pose", pose_query, 96), ("audio", audio_query, 112):
         if np.shape(query) != (numbers,):
             raise InvalidValueError(f"shape of the {name} query", np.shape(query), [f"({numbers},)"])
-        wrong = query[~(np.abs(query) <= LARGEST)]
-        if len(wrong):
+        if not np.abs(query).max() <= LARGEST:
+            wrong = query[~(np.abs(query) <= LARGEST)]
             raise InvalidValueError(f"number in the {name} query", wrong[0], [f"-{LARGEST:g} to {LARGEST:g}"])
 
 
@@ -162,7 +162,8 @@ class Search:
             return None
         winner = contest.winner(min(k, candidates))
         frame = contest.frame(winner)
-        row = np.array([self.row(winner, frame)])
-        pose_distance, audio_distance = float(pose.exact(row)[0]), float(audio.exact(row)[0])
+        if audio not in ranked:
+            row = np.array([self.row(winner, frame)])
+            audio.know(np.array([winner]), audio.exact(row))
         self._poses.release()  # and the sounds, which lie in the same file
-        return Match(winner, frame, pose_distance, audio_distance, candidates)
+        return Match(winner, frame, float(pose.near[winner]), float(audio.near[winner]), candidates)
