@@ -24,6 +24,9 @@ GRAPH = ("speech/audio", "speech/features", "gesture/selected", "gesture/refined
 """Topics that need a listener before something that is played once may begin."""
 
 
+CONNECTION = 0.5
+"""A listener that is known is connected so much later at most [s]; sound that comes before is lost."""
+
 LAST_RETRACTION = 1.5
 """From the end of what is played once to the end of the graph, time for the arms to come down [s]."""
 
@@ -85,6 +88,7 @@ class SpeechSource(GestureNode):
 
         self._once: Utterance | None = None
         self._begun = False
+        self._complete_at = self.now()
         if text:
             self._once = load_voice(voice).speak(text)
         elif speech != "say":
@@ -169,6 +173,8 @@ class SpeechSource(GestureNode):
         now = self.now()
         if self._once and not self._begun:
             if not all(map(self.count_subscribers, GRAPH)):
+                self._complete_at = now
+            if now < self._complete_at + CONNECTION:
                 return
             self._begun = True
             self._speaking.put(self._once, now)
