@@ -117,8 +117,6 @@ class Database:
             raise InvalidValueError("unknown kind of label", kind, LABELS)
         if not self.names[kind]:
             raise InvalidValueError(f"the database has no labels for {kind}; asked for", name)
-        if not self.names[kind]:
-            raise InvalidValueError(f"the database has no labels for {kind}; asked for", name)
         if name not in self.names[kind]:
             raise InvalidValueError(f"no sequence of the database has this {kind}", name, self.names[kind])
         return self.labels[:, LABELS.index(kind)] == self.names[kind].index(name)

@@ -20,7 +20,7 @@ constexpr int POSE = 24;              // numbers of a pose
 constexpr int AXES = 16, PAIRS = 10;  // of a coded pose; numbers beyond AXES are finer ones of the first axes
 constexpr int SHORT = 4095;           // largest whole number of a frame's query, as that of its codes
 constexpr float NEVER = 1e30f;        // more than any distance and its square
-constexpr double ROUNDING = 1e-5;     // of a sum in single precision, as a share of its squares: 20 times what is
+constexpr double ROUNDING = 1e-5;     // of a sum in single precision, at most, as a share of its squares
 constexpr double UP = 1.00001;        // factor on a bound, so that it stays one when it is rounded itself
 
 using Shorts = int16_t __attribute__((vector_size(4 * LANES)));

@@ -20,7 +20,6 @@ class FeatureStreamer(GestureNode):
         super().__init__(name, **options)
         self._publisher = self.create_publisher(SpeechFeatures, "speech/features", STREAM)
         self._utterance: tuple[str, int] | None = None
-        self._signal = "", 0
         self.listen(Audio, "speech/audio", self._on_audio, STREAM)
         self.waits_for("sound on speech/audio")
 
@@ -43,7 +42,7 @@ class FeatureStreamer(GestureNode):
 
     def _begin(self, audio: Audio, utterance: tuple[str, int]) -> None:
         heard = seconds(audio.header.stamp)
-        self._utterance = self._signal = utterance
+        self._utterance = utterance
         self._frame = first_frame_after(heard)
         # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
         self._skip = max(0, round((frame_time(self._frame) - heard) * SAMPLE_RATE))
@@ -51,9 +50,10 @@ class FeatureStreamer(GestureNode):
         self._stream = FeatureStream()
 
     def _publish(self, frames: np.ndarray) -> None:
+        assert self._utterance
         for features in frames:
             message = SpeechFeatures(features=features.astype(np.float32))
             message.header.stamp = stamp(frame_time(self._frame))
-            message.header.frame_id, message.utterance = self._signal
+            message.header.frame_id, message.utterance = self._utterance
             self._publisher.publish(message)
             self._frame += 1
