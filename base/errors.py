@@ -36,3 +36,7 @@ class RobotError(GestureBotError):
 
 class BusError(GestureBotError):
     """A servo bus or a servo on it that does not answer as it should."""
+
+
+class DeviceError(GestureBotError):
+    """A microphone or loudspeaker that is not there, or does not work."""

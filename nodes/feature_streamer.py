@@ -3,57 +3,63 @@
 from typing import Any
 
 import numpy as np
-import soxr
 
-from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import first_frame_after, frame_time
-from gesture_bot.msg import Audio, SpeechFeatures
-from gesture_bot.nodes.node import STREAM, GestureNode, seconds, stamp
-from gesture_bot.speech.audio import SAMPLE_RATE
-from gesture_bot.speech.features import FeatureStream
+from gesture_bot.base.frames import frame_time
+from gesture_bot.msg import Audio, Cut, SpeechFeatures
+from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds, stamp
+from gesture_bot.speech.cuts import Cuts
+from gesture_bot.speech.streaming import Packet, SpeechStream
 
 
 class FeatureStreamer(GestureNode):
-    """Cuts each utterance into frames of 1/15 s on the grid and publishes their features."""
+    """Cuts the sound of each source into frames of 1/15 s on the grid and publishes their features."""
 
     def __init__(self, name: str = "feature_streamer", **options: Any):
         super().__init__(name, **options)
+        self._streams: dict[str, SpeechStream] = {}
+        self._cuts = Cuts()
         self._publisher = self.create_publisher(SpeechFeatures, "speech/features", STREAM)
-        self._utterance: tuple[str, int] | None = None
         self.listen(Audio, "speech/audio", self._on_audio, STREAM)
+        self.listen(Cut, "speech/cut", self._on_cut, PLAN)
+        self.every(1.0, self._report)
         self.waits_for("sound on speech/audio")
 
     def _on_audio(self, audio: Audio) -> None:
-        samples = np.asarray(audio.samples, np.float32)
-        if not audio.sample_rate or not np.isfinite(samples).all():
-            raise InvalidValueError(
-                "sound needs a sample rate and finite samples; got rate", audio.sample_rate
-            )
-        utterance = (audio.header.frame_id, audio.utterance)
-        if utterance != self._utterance:
-            self._begin(audio, utterance)
-        samples = self._resampler.resample_chunk(samples, last=audio.last)
-        skipped = min(self._skip, len(samples))
-        self._skip -= skipped
-        self._publish(self._stream.push(samples[skipped:]))
-        if audio.last:
-            self._publish(self._stream.flush())
-            self._utterance = None
-
-    def _begin(self, audio: Audio, utterance: tuple[str, int]) -> None:
-        heard = seconds(audio.header.stamp)
-        self._utterance = utterance
-        self._frame = first_frame_after(heard)
-        # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
-        self._skip = max(0, round((frame_time(self._frame) - heard) * SAMPLE_RATE))
-        self._resampler = soxr.ResampleStream(audio.sample_rate, SAMPLE_RATE, 1, dtype="float32")
-        self._stream = FeatureStream()
-
-    def _publish(self, frames: np.ndarray) -> None:
-        assert self._utterance
-        for features in frames:
+        source, moment = audio.header.frame_id, seconds(audio.header.stamp)
+        if self._cuts.void(source, audio.utterance, moment):
+            return
+        stream = self._streams.setdefault(source, SpeechStream())
+        packet = Packet(
+            audio.utterance,
+            moment,
+            audio.sample_rate,
+            np.asarray(audio.samples, np.float32),
+            audio.last,
+        )
+        for frame, features in stream.push(packet):
             message = SpeechFeatures(features=features.astype(np.float32))
-            message.header.stamp = stamp(frame_time(self._frame))
-            message.header.frame_id, message.utterance = self._utterance
+            message.header.stamp = stamp(frame_time(frame))
+            message.header.frame_id, message.utterance = source, audio.utterance
             self._publisher.publish(message)
-            self._frame += 1
+
+    def _on_cut(self, cut: Cut) -> None:
+        self._cuts.add(cut.header.frame_id, cut.utterance, seconds(cut.header.stamp))
+        if stream := self._streams.get(cut.header.frame_id):
+            stream.end(cut.utterance)
+
+    def _report(self) -> None:
+        now = self.now()
+        self.diagnose(
+            *(
+                diagnostic(
+                    f"sound of {source or 'an unnamed source'}",
+                    stream.troubles(now),
+                    "running" if stream.until is not None else "silent",
+                    sample_rate=stream.rate,
+                    lost_s=f"{stream.lost:.2f}",
+                    late_s=f"{stream.late:.2f}",
+                    clipped_s=f"{stream.clipped:.3f}",
+                )
+                for source, stream in self._streams.items()
+            )
+        )

@@ -28,6 +28,12 @@ ARGUMENTS = (
     Argument("speech", "say", "What is heard: 'say' (text on the topic `say`), or a sound file to play once"),
     Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
     Argument("voice", "embedded", "Voice that speaks text"),
+    Argument("loudspeaker", "default", "Sound card that plays speech: 'default', 'off', or a part of its name"),
+    Argument(
+        "microphone",
+        "off",
+        "Where others are heard: 'off', 'default', a part of a sound card's name, or 'topic' (audio_common_msgs)",
+    ),
     Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
     Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
@@ -41,6 +47,8 @@ NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
 
 NODES = (
     GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
+    GraphNode("loudspeaker", "Loudspeaker", ("loudspeaker",)),
+    GraphNode("microphone", "Microphone", ("microphone",)),
     GraphNode("feature_streamer", "FeatureStreamer", ()),
     GraphNode("keyword_spotter", "KeywordSpotter", ("banks",)),
     GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),

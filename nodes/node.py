@@ -1,12 +1,14 @@
 """What the nodes share: described parameters, guarded callbacks, and the quality of service."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rclpy.timer import Timer
@@ -31,6 +33,8 @@ ECHO = 0.1
 
 class GestureNode(Node):
     """A node whose parameters are described, and whose callbacks answer bad input with one clear line."""
+
+    _diagnostics: Publisher | None = None
 
     def parameter(
         self,
@@ -102,6 +106,14 @@ class GestureNode(Node):
         """Call back periodically; an error is logged in one line."""
         return self.create_timer(seconds, self._guarded(callback, "timer"))
 
+    def diagnose(self, *statuses: DiagnosticStatus) -> None:
+        """Publish on /diagnostics how things are."""
+        if self._diagnostics is None:
+            self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = stamp(self.now())
+        self._diagnostics.publish(message)
+
     def now(self) -> float:
         """The time of the graph [s since the epoch]."""
         return self.get_clock().now().nanoseconds * 1e-9
@@ -118,6 +130,16 @@ class GestureNode(Node):
                 self.get_logger().error(f"{where}: {error}")
 
         return guarded
+
+
+def diagnostic(name: str, troubles: Sequence[str], healthy: str, **values: object) -> DiagnosticStatus:
+    """How one part is: a warning that names its troubles, or what it says where there are none."""
+    return DiagnosticStatus(
+        name=f"gesture_bot: {name}",
+        level=DiagnosticStatus.WARN if troubles else DiagnosticStatus.OK,
+        message="; ".join(troubles) or healthy,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
 
 
 def seconds(time: Any) -> float:

@@ -1,0 +1,143 @@
+"""The sound card, through PortAudio: what is said is played on it, and what is said to the robot comes from it."""
+
+import time
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from gesture_bot.base.errors import DeviceError
+from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.playback import Playback
+
+BLOCK = 0.032
+"""Sound comes from a microphone in pieces of this length [s]."""
+
+DEFAULT = "default"
+"""The name of the device that the system prefers."""
+
+_open: set[object] = set()
+
+
+class Microphone:
+    """An open microphone. Its blocks come in a thread of PortAudio's.
+
+    Args:
+        device: DEFAULT, or a part of the device's name.
+        on_block: Called with the moment at which the first sample was recorded [s since the epoch], the
+            sample rate [Hz], and the (n,) float32 samples of all channels' mean.
+
+    Raises:
+        DeviceError: PortAudio or the device is missing, or does not work; lists the microphones.
+    """
+
+    def __init__(self, device: str, on_block: Callable[[float, int, np.ndarray], None]) -> None:
+        rate, channels = _settings(device, "input")
+
+        def on_sound(sound: np.ndarray, _frames: int, clock: Any, _status: object) -> None:
+            recorded = time.time() - (clock.currentTime - clock.inputBufferAdcTime)
+            on_block(recorded, rate, sound.mean(axis=1))
+
+        self._stream = _opened(
+            "InputStream",
+            device,
+            samplerate=rate,
+            channels=channels,
+            blocksize=round(BLOCK * rate),
+            callback=on_sound,
+        )
+
+    @property
+    def works(self) -> bool:
+        """Whether it still gives sound."""
+        return bool(self._stream.active)
+
+    def close(self) -> None:
+        """Give the device back."""
+        _closed(self._stream)
+
+
+class Loudspeaker:
+    """An open loudspeaker, which plays what is put into its `playback` at its moment.
+
+    Args:
+        device: DEFAULT, or a part of the device's name.
+
+    Raises:
+        DeviceError: PortAudio or the device is missing, or does not work; lists the loudspeakers.
+    """
+
+    def __init__(self, device: str) -> None:
+        rate, channels = _settings(device, "output")
+        self.playback = Playback(rate)
+
+        def on_request(sound: np.ndarray, frames: int, clock: Any, _status: object) -> None:
+            heard = time.time() + (clock.outputBufferDacTime - clock.currentTime)
+            sound[:] = self.playback.read(heard, frames)[:, None]
+
+        self._stream = _opened(
+            "OutputStream", device, samplerate=rate, channels=channels, callback=on_request
+        )
+
+    @property
+    def works(self) -> bool:
+        """Whether it still plays."""
+        return bool(self._stream.active)
+
+    def close(self) -> None:
+        """Give the device back."""
+        _closed(self._stream)
+
+
+def _portaudio() -> ModuleType:
+    """The sounddevice package; it looks for new devices while none is open."""
+    try:
+        import sounddevice
+    except OSError as error:
+        raise DeviceError(
+            f"no sound card can be used ({str(error).lower()}): sudo apt install libportaudio2"
+        ) from error
+    if not _open:
+        # PortAudio lists its devices once, when it starts.
+        sounddevice._terminate()
+        sounddevice._initialize()
+    return sounddevice
+
+
+def _settings(device: str, direction: str) -> tuple[int, int]:
+    """SAMPLE_RATE where a device takes it, which needs no resampling, else its own [Hz]; and its channels."""
+    portaudio = _portaudio()
+    names = [d["name"] for d in portaudio.query_devices() if d[f"max_{direction}_channels"]]
+    kind = "microphone" if direction == "input" else "loudspeaker"
+    if not names:
+        raise DeviceError(f"there is no {kind} on this machine")
+    try:
+        found = portaudio.query_devices(None if device == DEFAULT else device, direction)
+    except (ValueError, portaudio.PortAudioError) as error:
+        raise DeviceError(f"{kind} not found", device, [DEFAULT, *names]) from error
+    rate, channels = SAMPLE_RATE, found[f"max_{direction}_channels"]
+    try:
+        check = getattr(portaudio, f"check_{direction}_settings")
+        check(None if device == DEFAULT else device, channels=min(channels, 2), samplerate=rate)
+    except portaudio.PortAudioError:
+        rate = round(found["default_samplerate"])
+    return rate, min(channels, 2)
+
+
+def _opened(kind: str, device: str, **settings: Any) -> Any:
+    portaudio = _portaudio()
+    try:
+        stream = getattr(portaudio, kind)(
+            device=None if device == DEFAULT else device, dtype="float32", latency="low", **settings
+        )
+        stream.start()
+    except portaudio.PortAudioError as error:
+        raise DeviceError(f"the sound card cannot be opened ({error})", device) from error
+    _open.add(stream)
+    return stream
+
+
+def _closed(stream: Any) -> None:
+    _open.discard(stream)
+    stream.close(ignore_errors=True)
