@@ -26,7 +26,13 @@ ONSET = 4
 """Frames before the first sound of speech at which motion begins: a gesture is prepared before its word."""
 
 AHEAD = 0.8
-"""Windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
+"""Where speech is announced, windows are planned so long before they are seen [s]."""
+
+SOON = 0.25
+"""Other windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
+
+REACT = 0.15
+"""What is seen sooner than this is not changed any more [s]."""
 
 CUT_REACT = 0.1
 """What is seen sooner than this is not changed by a cut any more [s]: time for the bus alone."""
@@ -50,8 +56,6 @@ class Selector:
         k: Each window is one of the k best matches, drawn evenly; 1 always takes the best.
         preselection: See Search.find.
         seed: Of that draw.
-        ahead: Windows are planned so long before they are seen [s].
-        react: What is seen sooner than this from now is not changed any more [s].
     """
 
     def __init__(
@@ -62,20 +66,17 @@ class Selector:
         k: int = 1,
         preselection: Preselection = "pose",
         seed: int = 0,
-        ahead: float = AHEAD,
-        react: float = 0.4,
     ) -> None:
         self._database, self._emotions = database, emotions
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
-        self._ahead, self._react = ahead, react
         self._rest = rest_pose(database)
 
         self._plan: Plan | None = None
         self._settling: Settling | None = None
         self._features: dict[int, np.ndarray] = {}
-        self._last_heard = -WINDOW
+        self._announced = self._last_heard = -WINDOW
         self._strokes = Strokes(gestures)
         self._cut: int | None = None
         self._late = 0
@@ -134,12 +135,14 @@ class Selector:
         self._constraints, self._since = tuple(constraints), since
         self._admit()
 
-    def add_features(self, frame: int, features: np.ndarray) -> None:
-        """Take in the sound of a frame, usually before it is heard.
+    def add_features(self, frame: int, features: np.ndarray, live: bool = False) -> None:
+        """Take in the sound of a frame.
 
         Args:
-            frame: Index on the grid.
+            frame: Index on the grid, where its motion belongs.
             features: (28,) speech features; see speech.features.
+            live: Whether it was heard before this call, as from a microphone. What is announced, such as the
+                robot's own voice, goes first.
 
         Raises:
             InvalidValueError: They are not 28 finite numbers.
@@ -148,8 +151,12 @@ class Selector:
             raise InvalidValueError(
                 f"speech features of frame {frame}", features, [f"{FEATURES} finite numbers"]
             )
+        if live and frame <= self._announced:
+            return
         self._features[frame] = np.asarray(features, np.float32)
         self._last_heard = frame
+        if not live:
+            self._announced = frame
 
     def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
@@ -171,9 +178,9 @@ class Selector:
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
     def plan(self, now: float) -> list[Window]:
-        """Windows that are new since the last call, so that everything up to `ahead` from now is planned.
+        """Windows that are new since the last call: up to AHEAD from now in announced speech, else up to SOON.
 
-        Call it often, at least every 0.2 s. A window replaces all that was planned from its first frame on.
+        Call it often, at least every 0.1 s. A window replaces all that was planned from its first frame on.
 
         Args:
             now: The present [s since the epoch].
@@ -182,7 +189,7 @@ class Selector:
             Windows in the order of time, without a gap between them; none while enough is planned.
         """
         self._end_controls(now)
-        soonest = first_frame_after(now + self._react)
+        soonest = first_frame_after(now + REACT)
         if self._plan is None:
             self._plan = Plan(soonest, self._rest)
         plan = self._plan
@@ -199,8 +206,9 @@ class Selector:
         self._interrupt_rest(plan, soonest)
 
         windows: list[Window] = []
-        horizon = first_frame_after(now + self._ahead)
         while True:
+            announced = plan.end <= self._announced
+            horizon = first_frame_after(now + (AHEAD if announced else SOON))
             timing = self._strokes.next(soonest, self._emotion)
             if timing and timing.begin <= min(plan.end, horizon):
                 plan.cut(timing.begin)
@@ -269,10 +277,7 @@ class Selector:
             pose = self._search.pose_at(self._search.row(last.sequence, last.frame + shown))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
-        heard = range(start, start + AUDIO_OFFSETS[-1] + 1)
-        sound = self._search.audio_of(
-            np.array([self._features.get(frame, SILENCE_FEATURES) for frame in heard])
-        )
+        sound = self._search.audio_of(self._heard(start))
         lately = [(seen.sequence, seen.frame) for seen in plan.windows[::-1] if seen.source == "speech"]
         mask, k = self._admission.without(lately), int(self._generator.integers(1, self._k + 1))
         match = self._search.find(pose, sound, mask, k, self._preselection)
@@ -298,6 +303,15 @@ class Selector:
             tempo=tempo,
             amplitude=amplitude,
         )
+
+    def _heard(self, start: int) -> np.ndarray:
+        """(m, 28) the sound from a frame on, up to what is known of it where it is live."""
+        stop = start + AUDIO_OFFSETS[-1] + 1
+        if self._last_heard > self._announced:
+            # The search takes what is still to come to be like the last frame.
+            stop = min(stop, max(self._last_heard, start) + 1)
+        frames = range(start, stop)
+        return np.array([self._features.get(frame, SILENCE_FEATURES) for frame in frames])
 
     def _shape(self, sequence: int) -> tuple[float, float]:
         """Tempo and amplitude at which a sequence is shown.

@@ -19,6 +19,10 @@ from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.messages import clip_to, key_values
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds, stamp
 from gesture_bot.speech.cuts import Cuts
+from gesture_bot.speech.liveness import Liveness
+
+LOOK_AHEAD = 0.8
+"""Speech that is heard live moves the arms so much later [s]: what comes next in it is to be known."""
 
 try:
     from hri_msgs.msg import Expression
@@ -43,11 +47,11 @@ class GestureSelector(GestureNode):
             "preselection", "pose", "What is searched first (MM22)", choices=get_args(Preselection)
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
-        self._delay = self.parameter(
-            "delay",
-            0.0,
-            "How much later than the sound the motion is made; a microphone needs 1.8 [s]",
-            bounds=(0.0, 5.0),
+        self._look_ahead = self.parameter(
+            "look_ahead",
+            LOOK_AHEAD,
+            "How much later than sound that is heard live, as by a microphone, its motion is seen [s]",
+            bounds=(0.25, 1.1),
         )
         self._selector = Selector(
             load_database(database),
@@ -61,7 +65,7 @@ class GestureSelector(GestureNode):
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
-        self._cuts = Cuts()
+        self._cuts, self._liveness = Cuts(), Liveness()
         self._said: tuple[Any, ...] = ()
         self._refused: dict[str, str] = {}
         self._publish_state()
@@ -82,22 +86,27 @@ class GestureSelector(GestureNode):
         header = message.header
         return self._cuts.void(header.frame_id, message.utterance, seconds(header.stamp))
 
+    def _is_live(self, message: SpeechFeatures | Keyword) -> bool:
+        header = message.header
+        return self._liveness.is_live(header.frame_id, message.utterance, seconds(header.stamp), self.now())
+
     def _on_features(self, message: SpeechFeatures) -> None:
         if self._is_void(message):
             return
-        frame = round((seconds(message.header.stamp) + self._delay) * FRAME_RATE)
-        self._selector.add_features(frame, np.asarray(message.features))
+        live = self._is_live(message)
+        seen = seconds(message.header.stamp) + live * self._look_ahead
+        self._selector.add_features(round(seen * FRAME_RATE), np.asarray(message.features), live)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):
             return
-        stroke = seconds(message.header.stamp) + self._delay
+        stroke = seconds(message.header.stamp) + self._is_live(message) * self._look_ahead
         self._selector.add_keyword(message.gesture, stroke, message.phrase)
 
     def _on_cut(self, cut: Cut) -> None:
         moment = seconds(cut.header.stamp)
         self._cuts.add(cut.header.frame_id, cut.utterance, moment)
-        self._selector.cut(moment + self._delay)
+        self._selector.cut(moment)
         self._plan()
 
     def _on_emotion(self, message: Emotion) -> None:
@@ -141,7 +150,7 @@ class GestureSelector(GestureNode):
             constraints=[constraint_to(constraint) for constraint in selector.constraints],
             relaxed=selector.relaxed,
             eligible=selector.eligible,
-            delay=self._delay,
+            look_ahead=self._look_ahead,
             late=selector.late,
         )
         state.header.stamp = stamp(self.now())

@@ -14,6 +14,9 @@ from gesture_bot.speech.playback import Playback
 BLOCK = 0.032
 """Sound comes from a microphone in pieces of this length [s]."""
 
+LATENCY = 0.1
+"""The sound card's buffer: Python may be busy for so long without a gap in the sound [s]."""
+
 DEFAULT = "default"
 """The name of the device that the system prefers."""
 
@@ -129,7 +132,7 @@ def _opened(kind: str, device: str, **settings: Any) -> Any:
     portaudio = _portaudio()
     try:
         stream = getattr(portaudio, kind)(
-            device=None if device == DEFAULT else device, dtype="float32", latency="low", **settings
+            device=None if device == DEFAULT else device, dtype="float32", latency=LATENCY, **settings
         )
         stream.start()
     except portaudio.PortAudioError as error:
