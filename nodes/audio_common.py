@@ -27,7 +27,9 @@ def listen(node: GestureNode, on_sound: OnSound) -> None:
         DeviceError: The package is not installed.
     """
     if messages is None:
-        raise DeviceError("sound from a topic needs the ROS package audio_common_msgs, which is not installed")
+        raise DeviceError(
+            "sound from a topic needs the ROS package audio_common_msgs, which is not installed"
+        )
     if hasattr(messages, "AudioStamped"):
         node.listen(messages.AudioStamped, "audio", lambda message: _on_stamped(message, on_sound), STREAM)
     else:

@@ -28,7 +28,9 @@ ARGUMENTS = (
     Argument("speech", "say", "What is heard: 'say' (text on the topic `say`), or a sound file to play once"),
     Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
     Argument("voice", "embedded", "Voice that speaks text"),
-    Argument("loudspeaker", "default", "Sound card that plays speech: 'default', 'off', or a part of its name"),
+    Argument(
+        "loudspeaker", "default", "Sound card that plays speech: 'default', 'off', or a part of its name"
+    ),
     Argument(
         "microphone",
         "off",

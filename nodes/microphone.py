@@ -45,7 +45,9 @@ class Microphone(GestureNode):
             "(audio_common_msgs on `audio`)",
         )
         own_voice = self.parameter(
-            "listen_while_speaking", False, "Whether others are heard while the robot speaks, and its own voice"
+            "listen_while_speaking",
+            False,
+            "Whether others are heard while the robot speaks, and its own voice",
         )
         self._gate = MicrophoneGate()
         self._microphone: devices.Microphone | None = None

@@ -82,7 +82,9 @@ class MicrophoneGate:
 
     def _speed(self, begin: float, end: float) -> float:
         """Of the servos that are heard from one moment to another [rad/s]; 0 when none is."""
-        told = [speed for first, last, speed in self._motion.copy() if first < end and begin < last + AFTER_MOTION]
+        told = [
+            speed for first, last, speed in self._motion.copy() if first < end and begin < last + AFTER_MOTION
+        ]
         return told[-1] if told else 0.0
 
 

@@ -7,11 +7,11 @@ import pytest
 from show import DATABASE, EMOTIONS, GESTURES, SPEECH, START, WRISTS, Show, selector
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import FRAME_RATE, first_frame_after, frame_time
+from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after, frame_time
 from gesture_bot.base.keypoints import bone_lengths
 from gesture_bot.corpus.recordings import Recording, build_database
 from gesture_bot.matching.controls import Constraint, Controls, LabelConstraint
-from gesture_bot.matching.selector import Selector
+from gesture_bot.matching.selector import AHEAD, ONSET, REACT, SOON, Selector
 from gesture_bot.matching.settling import rest_pose
 from gesture_bot.speech.features import SILENCE_FEATURES
 
@@ -31,7 +31,7 @@ def test_there_is_always_a_plan_up_to_the_horizon():
     show = Show(selector())
     for _ in range(100):
         show.tick()
-        assert frame_time(max(show.seen)) >= show.now + 0.8 - 1e-6
+        assert frame_time(max(show.seen)) >= show.now + SOON - 1e-6
         show.now += 1 / 30
     assert {len(window.keypoints) for window in show.windows} == {8}
 
@@ -72,7 +72,51 @@ def test_speech_that_comes_late_interrupts_rest(lead):
     heard = round(show.now * FRAME_RATE) + 7
     show.run(1.0, SPEECH, heard, lead=lead)
     begin = min(frame for frame, shown in show.seen.items() if shown[1].source == "speech")
-    assert begin == pytest.approx(heard + (0.4 - lead) * FRAME_RATE, abs=1)
+    assert begin == pytest.approx(max(heard + (REACT - lead) * FRAME_RATE, heard - ONSET), abs=2)
+
+
+def test_announced_speech_is_planned_long_before_it_is_seen():
+    show = Show(selector()).run(6.0, SPEECH, START + 30)
+    assert frame_time(max(show.seen)) >= show.now - 1 / 30 + AHEAD - 1e-6
+
+
+@pytest.mark.parametrize("look_ahead", [0.25, 0.8, 1.1])
+def test_live_speech_moves_the_arms_a_look_ahead_later(look_ahead):
+    """Each frame is known 0.13 s after it began, as from a microphone."""
+    show = Show(selector())
+    late = round(look_ahead * FRAME_RATE)
+    heard = START + 60
+    while show.now < frame_time(heard) + 5.0:
+        known = int((show.now - 0.13) * FRAME_RATE)
+        show.chooser.add_features(
+            known + late, SPEECH[known - heard] if known >= heard else SILENCE_FEATURES, live=True
+        )
+        show.tick()
+        show.now += 1 / 30
+    begin = min(frame for frame, shown in show.seen.items() if shown[1].source == "speech")
+    assert heard + late - ONSET - WINDOW <= begin <= heard + max(late, (0.13 + REACT) * FRAME_RATE) + 1
+    assert show.sources[-30:] == ["speech"] * 30
+    assert show.chooser.late == 0
+
+
+def test_what_is_announced_goes_before_what_is_heard_live():
+    announced, both = Show(selector()), Show(selector())
+    announced.run(6.0, SPEECH[:60], START + 40)
+    for step in range(180):
+        if step == 1:
+            for number, features in enumerate(SPEECH[:60]):
+                both.chooser.add_features(START + 40 + number, features)
+        live = int(both.now * FRAME_RATE) + 10
+        both.chooser.add_features(
+            live, SPEECH[100 + step // 2] if live > START + 38 else SILENCE_FEATURES, live=True
+        )
+        both.tick()
+        both.now += 1 / 30
+    chosen = [
+        [(w.start, w.sequence, w.frame) for w in show.windows if START + 36 < w.start < START + 80]
+        for show in (announced, both)
+    ]
+    assert chosen[0] == chosen[1] != []
 
 
 def test_a_control_raises_the_wrist():
@@ -194,7 +238,7 @@ def test_tempo_shows_more_or_fewer_frames_of_the_recording(tempo):
             np.abs(window.keypoints - around.mean(axis=0)).max() < 0.01 + np.abs(around[0] - around[1]).max()
         )
         assert np.allclose(bone_lengths(window.keypoints), bone_lengths(around[0]), atol=1e-6)
-    assert speed(show) == pytest.approx(tempo * speed(shaped(1.0, 1.0)), rel=0.25)
+    assert speed(show) == pytest.approx(tempo * speed(shaped(1.0, 1.0)), rel=0.35)
 
 
 @pytest.mark.parametrize("amplitude", [0.4, 1.3])
@@ -260,7 +304,7 @@ def test_a_late_plan_skips_ahead_from_the_last_pose():
     end, pose = max(show.seen), show.keypoints[-1]
     show.now += 5.0
     (window, *_) = show.chooser.plan(show.now)
-    assert window.start == first_frame_after(show.now + 0.4) > end + 1
+    assert window.start == first_frame_after(show.now + REACT) > end + 1
     assert np.abs(window.keypoints[0] - pose).max() < 0.01
     assert show.chooser.late == 1
 

@@ -13,6 +13,7 @@ from gesture_bot.evaluate.motion_report import stroke_time
 from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.plan import Window
 from gesture_bot.matching.rendering import render
+from gesture_bot.matching.selector import REACT
 from gesture_bot.matching.settling import Settling, rest_pose
 from gesture_bot.matching.strokes import HASTE, STROKE_LEAD, Strokes
 from gesture_bot.refine.smoothing import WindowSmoother
@@ -44,9 +45,9 @@ def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
     show.chooser.add_keyword("stop", word)
     (bank,) = show.tick()[:1]
     assert bank.name == "stop"
-    assert bank.start == first_frame_after(show.now + 0.4)
+    assert bank.start == first_frame_after(show.now + REACT)
     stop = GESTURES["stop"]
-    earliest = 0.4 + HASTE * stop.preparation - stop.movement.first + STROKE_LEAD
+    earliest = REACT + HASTE * stop.preparation - stop.movement.first + STROKE_LEAD
     assert bank.stroke - show.now == pytest.approx(earliest, abs=1 / FRAME_RATE)
 
 
@@ -180,7 +181,7 @@ def interrupted(ahead):
 
 
 def test_a_heavier_keyword_takes_the_place_of_a_gesture_before_its_stroke():
-    (stroke,), show = interrupted(ahead=1.2)
+    (stroke,), show = interrupted(ahead=0.85)
     assert stroke == pytest.approx(0.7)
     # Of the first one no more than its preparation is seen.
     (think,) = [window for window in show.windows if window.name == "think"]

@@ -13,7 +13,9 @@ BLOCK = 512
 
 @pytest.fixture(scope="module")
 def voice():
-    said = load_voice("embedded").speak("Good morning, could you please tell me where the station is?").samples
+    said = (
+        load_voice("embedded").speak("Good morning, could you please tell me where the station is?").samples
+    )
     return said / np.sqrt(np.mean(said**2))
 
 

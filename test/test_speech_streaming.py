@@ -17,7 +17,9 @@ PIECE = 512
 
 @pytest.fixture(scope="module")
 def speech():
-    return load_voice("embedded").speak("Hello everybody, and welcome. Take a picture of the big boat.").samples
+    return (
+        load_voice("embedded").speak("Hello everybody, and welcome. Take a picture of the big boat.").samples
+    )
 
 
 def packets(samples, begin=BEGIN, rate=SAMPLE_RATE, piece=PIECE):
