@@ -29,7 +29,7 @@ AHEAD = 0.8
 """Where speech is announced, windows are planned so long before they are seen [s]."""
 
 SOON = 0.25
-"""Other windows are planned so long before they are seen [s]: time for refinement, retargeting and the bus."""
+"""Other windows are planned so long before they are seen [s]: time for all that comes after the search."""
 
 REACT = 0.15
 """What is seen sooner than this is not changed any more [s]."""
@@ -178,7 +178,7 @@ class Selector:
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
     def plan(self, now: float) -> list[Window]:
-        """Windows that are new since the last call: up to AHEAD from now in announced speech, else up to SOON.
+        """Windows that are new since the last call: up to AHEAD in announced speech, else up to SOON.
 
         Call it often, at least every 0.1 s. A window replaces all that was planned from its first frame on.
 

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from typing import Any, get_args
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
@@ -16,13 +15,10 @@ from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
 from gesture_bot.msg import Control, Cut, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
 from gesture_bot.nodes.constraints import constraint_from, constraint_to
-from gesture_bot.nodes.messages import clip_to, key_values
-from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, seconds, stamp
+from gesture_bot.nodes.messages import clip_to
+from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds, stamp
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.liveness import Liveness
-
-LOOK_AHEAD = 0.8
-"""Speech that is heard live moves the arms so much later [s]: what comes next in it is to be known."""
 
 try:
     from hri_msgs.msg import Expression
@@ -49,7 +45,7 @@ class GestureSelector(GestureNode):
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
         self._look_ahead = self.parameter(
             "look_ahead",
-            LOOK_AHEAD,
+            0.8,
             "How much later than sound that is heard live, as by a microphone, its motion is seen [s]",
             bounds=(0.25, 1.1),
         )
@@ -64,7 +60,6 @@ class GestureSelector(GestureNode):
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
         self._cuts, self._liveness = Cuts(), Liveness()
         self._said: tuple[Any, ...] = ()
         self._refused: dict[str, str] = {}
@@ -157,23 +152,21 @@ class GestureSelector(GestureNode):
         self._states.publish(state)
 
     def _report(self) -> None:
-        said = [f"refused {what}: {why}" for what, why in self._refused.items()]
-        if relaxed := self._selector.relaxed:
-            said.append(f"gave way: {', '.join(relaxed)}")
-        status = DiagnosticStatus(
-            name="gesture_bot: gesture selector",
-            level=DiagnosticStatus.WARN if said else DiagnosticStatus.OK,
-            message="; ".join(said) or "all constraints hold",
-            values=key_values(
-                expression=self._selector.emotion,
-                constraints=len(self._selector.constraints),
-                eligible_windows=f"{self._selector.eligible:.3f}",
-                late=self._selector.late,
-            ),
+        selector = self._selector
+        troubles = [f"refused {what}: {why}" for what, why in self._refused.items()]
+        if selector.relaxed:
+            troubles.append(f"gave way: {', '.join(selector.relaxed)}")
+        self.diagnose(
+            diagnostic(
+                "gesture selector",
+                troubles,
+                "all constraints hold",
+                expression=selector.emotion,
+                constraints=len(selector.constraints),
+                eligible_windows=f"{selector.eligible:.3f}",
+                late=selector.late,
+            )
         )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = stamp(self.now())
-        self._diagnostics.publish(message)
 
 
 def _message(window: Window) -> GestureWindow:

@@ -34,7 +34,7 @@ ARGUMENTS = (
     Argument(
         "microphone",
         "off",
-        "Where others are heard: 'off', 'default', a part of a sound card's name, or 'topic' (audio_common_msgs)",
+        "Where others are heard: 'off', 'default', a part of a sound card's name, or 'topic' (audio_common)",
     ),
     Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
     Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),

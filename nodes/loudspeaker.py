@@ -22,7 +22,7 @@ AGAIN = 2.0
 
 
 class Loudspeaker(GestureNode):
-    """Plays text and sound files; without a sound card, the robot gestures in silence and in the same time."""
+    """Plays text and sound files. Without a sound card, the robot gestures in silence, in the same time."""
 
     def __init__(self, name: str = "loudspeaker", **options: Any):
         super().__init__(name, **options)

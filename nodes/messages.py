@@ -2,7 +2,6 @@
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import KeyValue
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -82,8 +81,3 @@ def duration(length: float) -> Duration:
     """Seconds as a builtin_interfaces/Duration."""
     nanoseconds = round(length * 1e9)
     return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-
-
-def key_values(**values: object) -> list[KeyValue]:
-    """Numbers of a diagnostic."""
-    return [KeyValue(key=key, value=str(value)) for key, value in values.items()]

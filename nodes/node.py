@@ -132,11 +132,25 @@ class GestureNode(Node):
         return guarded
 
 
-def diagnostic(name: str, troubles: Sequence[str], healthy: str, **values: object) -> DiagnosticStatus:
-    """How one part is: a warning that names its troubles, or what it says where there are none."""
+def diagnostic(
+    name: str,
+    troubles: Sequence[str],
+    healthy: str,
+    level: bytes = DiagnosticStatus.WARN,
+    **values: object,
+) -> DiagnosticStatus:
+    """How one part is.
+
+    Args:
+        name: The part.
+        troubles: What is wrong with it, in words.
+        healthy: What it says where nothing is.
+        level: How bad troubles are.
+        values: Its numbers.
+    """
     return DiagnosticStatus(
         name=f"gesture_bot: {name}",
-        level=DiagnosticStatus.WARN if troubles else DiagnosticStatus.OK,
+        level=level if troubles else DiagnosticStatus.OK,
         message="; ".join(troubles) or healthy,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )

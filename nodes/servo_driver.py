@@ -6,14 +6,14 @@ import time
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.base.errors import BusError
-from gesture_bot.nodes.messages import key_values, trajectory_from
-from gesture_bot.nodes.node import PLAN, GestureNode, stamp
+from gesture_bot.nodes.messages import trajectory_from
+from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver, Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
@@ -33,7 +33,6 @@ class ServoDriver(GestureNode):
         rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
         self._joints = list(robot.joints)
         self._states = self.create_publisher(JointState, "joint_states", PLAN)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", PLAN)
         self._resources = ExitStack()
         if port == "virtual":
             port = self._resources.enter_context(VirtualBus(robot)).port
@@ -86,31 +85,29 @@ class ServoDriver(GestureNode):
     def _report(self) -> None:
         status = self._driver.status
         held = status.interventions
-        bus = DiagnosticStatus(
-            name="gesture_bot: servo bus",
-            level=DiagnosticStatus.ERROR if status.silent else DiagnosticStatus.OK,
-            message=f"no answer from {', '.join(status.silent)}; the robot holds"
-            if status.silent
-            else "running",
-            values=key_values(
-                cycles=status.cycles,
-                late_cycles=status.late_cycles,
-                read_failures=status.read_failures,
-                watchdog_stops=status.watchdog_stops,
-                held_back_position=held.position,
-                held_back_velocity=held.velocity,
-                held_back_acceleration=held.acceleration,
-            ),
+        silent = [f"no answer from {', '.join(status.silent)}; the robot holds"] if status.silent else []
+        bus = diagnostic(
+            "servo bus",
+            silent,
+            "running",
+            level=DiagnosticStatus.ERROR,
+            cycles=status.cycles,
+            late_cycles=status.late_cycles,
+            read_failures=status.read_failures,
+            watchdog_stops=status.watchdog_stops,
+            held_back_position=held.position,
+            held_back_velocity=held.velocity,
+            held_back_acceleration=held.acceleration,
         )
         servos = [
-            DiagnosticStatus(
-                name=f"gesture_bot: servo {joint}",
-                level=DiagnosticStatus.ERROR if health.errors else DiagnosticStatus.OK,
-                message=", ".join(health.errors) or "healthy",
-                values=key_values(temperature_degc=health.temperature, voltage_v=health.voltage),
+            diagnostic(
+                f"servo {joint}",
+                health.errors,
+                "healthy",
+                level=DiagnosticStatus.ERROR,
+                temperature_degc=health.temperature,
+                voltage_v=health.voltage,
             )
             for joint, health in list(status.health.items())
         ]
-        message = DiagnosticArray(status=[bus, *servos])
-        message.header.stamp = stamp(self.now())
-        self._diagnostics.publish(message)
+        self.diagnose(bus, *servos)

@@ -1,4 +1,4 @@
-"""The sound card, through PortAudio: what is said is played on it, and what is said to the robot comes from it."""
+"""The sound card, through PortAudio: the robot's loudspeaker and its microphone."""
 
 import time
 from collections.abc import Callable

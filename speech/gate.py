@@ -16,7 +16,7 @@ OVER_NOISE = 9.0
 """While the arms move, sound so far over the servos' noise is somebody's voice [dB]."""
 
 SLOWEST = 0.1
-"""The noise of servos grows with their speed, but from here on it counts as if they were this slow [rad/s]."""
+"""The noise of servos grows with their speed; slower ones count as if they had this one [rad/s]."""
 
 HANG = 0.25
 """A voice goes on so long after it was last that loud: the ends of words are soft [s]."""
@@ -49,7 +49,10 @@ class MicrophoneGate:
         self._voice = [(begin, min(end, moment)) for begin, end in self._voice if begin < moment]
 
     def moves(self, begin: float, end: float, speed: float) -> None:
-        """From one moment to another [s since the epoch], as told last, the fastest joint has this speed [rad/s]."""
+        """The fastest joint has a speed [rad/s] from one moment to another [s since the epoch].
+
+        What is told last holds.
+        """
         self._motion.append((begin, end, speed))
 
     def passed(self, moment: float, rate: int, samples: np.ndarray) -> np.ndarray:
