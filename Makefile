@@ -7,7 +7,7 @@ INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluat
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
 
-.PHONY: demo test lint format clean
+.PHONY: demo test lint format soak clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/installed
@@ -27,6 +27,9 @@ format: $(VENV)/installed-dev
 
 bench-%: $(VENV)/installed-dev
 	$(BIN)/python bench/$(subst -,_,$*).py
+
+soak: $(VENV)/installed-dev
+	$(BIN)/python bench/soak.py
 
 clean:
 	rm -rf $(VENV) build install log demo_out .mypy_cache .ruff_cache .pytest_cache

@@ -14,16 +14,15 @@ from gesture_bot.base.files import write_whole
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.cli.latency import stage_latencies
+from gesture_bot.cli.measured import deadline_misses, measured_stroke, robot_wrists
 from gesture_bot.cli.words import constraint_in_words
 from gesture_bot.evaluate.motion_files import write_joint_csv
-from gesture_bot.evaluate.motion_report import motion_report, stroke_time
+from gesture_bot.evaluate.motion_report import motion_report
 from gesture_bot.evaluate.robot_gif import write_robot_gif
 from gesture_bot.evaluate.timeline import Span, Timeline, WristHeights, write_timeline
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.node import seconds
 from gesture_bot.nodes.recorder import Heard, Record
-from gesture_bot.refine.smoothing import RADIUS
-from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.robot import Robot
 
 
@@ -40,7 +39,7 @@ def write_demo_files(folder: Path, record: Record, robot: Robot) -> dict[str, An
     """
     begin = record.audio[0].stamp
     times, positions = record.joint_positions()
-    wrists = _robot_wrists(robot, positions)
+    wrists = robot_wrists(robot, positions)
     samples, rate = _speech(record)
     summary = _summary(record, robot, times, positions, wrists)
 
@@ -96,7 +95,7 @@ def _summary(
             for before, after in pairwise(record.owners)
         ),
         **{name: round(value, 3) for name, value in asdict(report).items()},
-        "deadline_misses": _deadline_misses(record),
+        "deadline_misses": deadline_misses(record),
         "latency_ms": stage_latencies(record),
     }
 
@@ -105,15 +104,7 @@ def _keyword(
     record: Record, heard: Heard, times: np.ndarray, wrists: dict[str, np.ndarray]
 ) -> dict[str, Any]:
     """A keyword, when its stroke was due, and when the robot's hands made it, if they did."""
-    made = any(
-        window.message.source == "bank"
-        and window.message.name == heard.message.gesture
-        and window.stamp < heard.stamp + 1.0
-        and window.arrival > heard.arrival
-        for window in record.selected
-    )
-    strokes = [stroke_time(times, wrist, heard.stamp) for wrist in wrists.values()] if made else []
-    measured = min((s for s in strokes if s is not None), key=lambda s: abs(s - heard.stamp), default=None)
+    measured = measured_stroke(record, heard, times, wrists)
     begin = record.audio[0].stamp
     return {
         "word": heard.message.phrase,
@@ -123,31 +114,8 @@ def _keyword(
     }
 
 
-def _deadline_misses(record: Record) -> int:
-    """Windows that came too late, trajectories that began after their first new frame, late bus cycles."""
-    windows = record.states[-1].message.late if record.states else 0
-    # A trajectory begins with the frames before a window that are final only now; those may be seen already.
-    known = RADIUS / FRAME_RATE
-    trajectories = sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
-    statuses = [status for heard in record.diagnostics for status in heard.message.status]
-    cycles = [int(v.value) for status in statuses for v in status.values if v.key == "late_cycles"]
-    return windows + trajectories + (cycles[-1] if cycles else 0)
-
-
 def _changes(values: Iterable[Any]) -> int:
     return sum(before != after for before, after in pairwise(values))
-
-
-def _robot_wrists(robot: Robot, positions: np.ndarray) -> dict[str, np.ndarray]:
-    """(n, 3) positions of each wrist over the robot's base [m]."""
-    kinematics = Kinematics(robot)
-    links = {"left": robot.mapping.left_arm.wrist, "right": robot.mapping.right_arm.wrist}
-    paths: dict[str, list[np.ndarray]] = {side: [] for side in links}
-    for angles in positions:
-        kinematics.place(angles)
-        for side, link in links.items():
-            paths[side].append(kinematics.position(link))
-    return {side: np.array(path) for side, path in paths.items()}
 
 
 def _planned_wrists(record: Record) -> WristHeights:
