@@ -3,20 +3,26 @@
 import sys
 import threading
 import time
+from collections import deque
 from contextlib import ExitStack, suppress
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.base.errors import BusError
+from gesture_bot.evaluate.lag import SHIFTS, motion_lag
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver, Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
+
+LOOKED_AT = 3.0
+"""The lag is that of so many last seconds [s]."""
 
 RCLError = rclpy_implementation.RCLError
 
@@ -39,6 +45,7 @@ class ServoDriver(GestureNode):
         self._driver = Driver(robot, port, rate)
         self._driver.start()
         self._period = 1.0 / rate
+        self._recent: deque[Feedback] = deque(maxlen=round(LOOKED_AT * rate))
         self._stopping = threading.Event()
         # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
         sys.setswitchinterval(5e-4)
@@ -64,6 +71,7 @@ class ServoDriver(GestureNode):
             except BusError as error:
                 self.get_logger().error(str(error), throttle_duration_sec=1.0)
             else:
+                self._recent.append(feedback)
                 with suppress(RCLError):  # the graph may end between two cycles
                     self._publish(feedback)
             # A late cycle is not made up for: the next one is due a period from now.
@@ -78,6 +86,18 @@ class ServoDriver(GestureNode):
         )
         state.header.stamp = stamp(feedback.stamp)
         self._states.publish(state)
+
+    def _lag(self) -> str:
+        """How far the joints have been behind the plan lately [ms]; empty where they stood still."""
+        recent = list(self._recent)[::4]
+        times = np.array([feedback.stamp for feedback in recent])
+        planned = np.array([feedback.planned for feedback in recent])
+        if not len(recent) or np.isnan(planned).any():
+            return ""
+        inside = (times > times[0] + SHIFTS[-1]) & (times < times[-1] + SHIFTS[0])
+        measured = np.array([feedback.positions for feedback in recent])
+        lag = motion_lag(times[inside], measured[inside], times, planned) if inside.any() else None
+        return "" if lag is None else f"{1000 * lag:.0f}"
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         self._driver.set_trajectory(trajectory_from(message, self.now()))
@@ -95,6 +115,7 @@ class ServoDriver(GestureNode):
             late_cycles=status.late_cycles,
             read_failures=status.read_failures,
             watchdog_stops=status.watchdog_stops,
+            lag_ms=self._lag(),
             held_back_position=held.position,
             held_back_velocity=held.velocity,
             held_back_acceleration=held.acceleration,

@@ -90,12 +90,14 @@ class Bus(_Section):
     Attributes:
         baudrate: [bit/s].
         protocol: Dynamixel protocol version, 2.0.
+        lag_ms: How far servos are behind their goals [ms]; goals are sent so much earlier.
         watchdog_ms: Silence after which a servo stops by itself [ms]. The register counts units of 20 ms.
         on_exit: What becomes of the motors: they go to rest and switch off, hold, or switch off at once.
     """
 
     baudrate: int = Field(gt=0)
     protocol: float = Field(ge=2.0, le=2.0)
+    lag_ms: float = Field(0.0, ge=0, le=200)
     watchdog_ms: int = Field(ge=20, le=2540, multiple_of=20)
     on_exit: Literal["rest_then_off", "hold", "off"]
 

@@ -44,12 +44,14 @@ class Feedback:
         positions: (j,) [rad].
         velocities: (j,) [rad/s].
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
+        planned: (j,) where they were to be now [rad]; NaN where nothing is planned.
         stamp: Midway between question and answer [s since the epoch].
     """
 
     positions: np.ndarray
     velocities: np.ndarray
     efforts: np.ndarray
+    planned: np.ndarray
     stamp: float
 
 
@@ -117,6 +119,7 @@ class Driver:
         self._table = ServoTable(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
+        self._lag = robot.bus.lag_ms / 1000
         self._bus: Bus | None = None
         self._last_tick = -math.inf
         self._sampled = -math.inf
@@ -170,12 +173,13 @@ class Driver:
         if now >= self._next_health:
             self._next_health = now + HEALTH_PERIOD
             self._look_after_one()
-        positions, velocities = self._plan.at(np.array([self._sampled]))
+        # Servos are behind their goals: these are sent so much earlier.
+        positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
         if self.status.silent:
             positions = np.full_like(positions, np.nan)
         self._exchange(positions[0], velocities[0])
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        return Feedback(measured, speeds, efforts, now + self._reader.read_at - begin)
+        return Feedback(measured, speeds, efforts, positions[1], now + self._reader.read_at - begin)
 
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.

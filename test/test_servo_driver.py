@@ -9,12 +9,13 @@ from servo_bus import recorded_bus
 
 from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
 from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
-from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
+from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
 
 ROBOT = load_robot("toa")
 ELBOW = ROBOT.joints.index("left_elbow")
@@ -129,11 +130,30 @@ def test_joints_move_to_the_goal_and_report_it(driver, wire):
     assert (health.voltage, health.errors) == (12.0, ())
 
 
+@pytest.mark.parametrize(("lag_ms", "left"), [(0.0, 2 / BANDWIDTH + DT), (45.0, 0.0)])
+def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
+    driver = Driver(robot_with(on_exit="off", lag_ms=lag_ms), wire.port)
+    driver.start()
+    begin = time.time()
+    plan_times = begin + np.arange(-1.0, 5.0, 0.02)
+    phase = 2 * np.pi * 0.7 * (plan_times - begin)[:, None]
+    swing, speed = 0.8 - 0.3 * np.cos(phase), 0.3 * 2 * np.pi * 0.7 * np.sin(phase)
+    driver.set_trajectory(JointTrajectory(("left_elbow",), plan_times, swing, speed))
+    told = []
+    while (now := time.time()) < begin + 3.5:
+        told.append(driver.tick(now))
+        time.sleep(max(0.0, now + DT - time.time()))
+    driver.close()
+    times = np.array([feedback.stamp for feedback in told[100:]])
+    measured = np.array([feedback.positions[[ELBOW]] for feedback in told[100:]])
+    assert motion_lag(times, measured, plan_times, swing) == pytest.approx(left, abs=0.012)
+
+
 def test_a_trajectory_that_asks_too_much_stays_inside_the_limits_on_the_bus(driver, wire):
     rest, limits = ROBOT.rest[ELBOW], ROBOT.limits
     wire.writes.clear()
-    driver.set_trajectory(elbow_path(rest, 9.0, -9.0, rest, seconds=0.2))
-    run(driver, 1.2)
+    driver.set_trajectory(elbow_path(rest, 9.0, -9.0, rest, seconds=0.4))
+    run(driver, 1.8)
     sent = sent_angles(wire, ELBOW)
     resolution = 2 * np.pi / 4096
     assert limits.lower[ELBOW] - resolution <= sent.min() <= sent.max() <= limits.upper[ELBOW] + resolution
