@@ -19,7 +19,7 @@ from gesture_bot.matching.settling import Settling
 HASTE = 0.7
 """Share of a gesture's preparation that somebody in a hurry needs at least."""
 
-STROKE_LEAD = 0.05
+STROKE_LEAD = 0.06
 """A stroke is planned to end so much before its word [s].
 
 The smoothing and the servos round off its end, which the robot reaches about so much later; and people make

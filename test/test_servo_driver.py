@@ -18,6 +18,7 @@ from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
 
 ROBOT = load_robot("toa")
+ROBOT = replace(ROBOT, bus=ROBOT.bus.model_copy(update={"lag_ms": 0.0}))
 ELBOW = ROBOT.joints.index("left_elbow")
 ELBOW_ID = ROBOT.servos[ELBOW].id
 DT = 0.01
@@ -152,8 +153,8 @@ def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
 def test_a_trajectory_that_asks_too_much_stays_inside_the_limits_on_the_bus(driver, wire):
     rest, limits = ROBOT.rest[ELBOW], ROBOT.limits
     wire.writes.clear()
-    driver.set_trajectory(elbow_path(rest, 9.0, -9.0, rest, seconds=0.4))
-    run(driver, 1.8)
+    driver.set_trajectory(elbow_path(rest, 9.0, -9.0, rest, seconds=0.2))
+    run(driver, 1.2)
     sent = sent_angles(wire, ELBOW)
     resolution = 2 * np.pi / 4096
     assert limits.lower[ELBOW] - resolution <= sent.min() <= sent.max() <= limits.upper[ELBOW] + resolution
