@@ -19,11 +19,11 @@ from gesture_bot.matching.settling import Settling
 HASTE = 0.7
 """Share of a gesture's preparation that somebody in a hurry needs at least."""
 
-STROKE_LEAD = 0.06
+STROKE_LEAD = 0.08
 """A stroke is planned to end so much before its word [s].
 
-The smoothing and the servos round off its end, which the robot reaches about so much later; and people make
-a stroke with its word or a little before.
+The smoothing rounds off its end, which is reached about so much later; and people make a stroke with its word
+or a little before.
 """
 
 LONGEST_WAIT = 0.7
