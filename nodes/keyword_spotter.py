@@ -6,6 +6,7 @@ from typing import Any
 from gesture_bot.matching.banks import load_banks, triggers
 from gesture_bot.msg import Cut, Keyword
 from gesture_bot.msg import Word as WordMessage
+from gesture_bot.nodes import hri_speech
 from gesture_bot.nodes.node import PLAN, GestureNode, seconds, stamp
 from gesture_bot.speech import keywords
 from gesture_bot.speech.cuts import Cuts
@@ -27,6 +28,7 @@ class KeywordSpotter(GestureNode):
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)
+        hri_speech.listen(self, self._on_transcript)
         self.every(PATIENCE / 2, self._flush)
         self.waits_for("words on speech/words")
 
@@ -43,6 +45,13 @@ class KeywordSpotter(GestureNode):
         self._heard = self.now()
         self._last = message
         self._publish(self._spotter.spot([word]))
+
+    def _on_transcript(self, words: list[str], confidence: float) -> None:
+        """Words of a recogniser that tells no times: they have just been said."""
+        for text in words:
+            message = WordMessage(text=text, confidence=confidence)
+            message.header.stamp, message.header.frame_id = stamp(self.now()), "transcript"
+            self._on_word(message)
 
     def _flush(self) -> None:
         """Words that may become a longer phrase have waited long enough."""

@@ -10,6 +10,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rclpy.time import Time
 from rclpy.timer import Timer
 
@@ -78,9 +79,9 @@ class GestureNode(Node):
 
     def listen(
         self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile
-    ) -> None:
+    ) -> Subscription:
         """Subscribe; a bad message is logged in one line and changes nothing."""
-        self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
+        return self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
 
     def listen_to_state(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to a state: the latched one at the start, and every change, from any publisher.
