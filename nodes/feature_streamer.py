@@ -36,7 +36,7 @@ class FeatureStreamer(GestureNode):
             np.asarray(audio.samples, np.float32),
             audio.last,
         )
-        for frame, features in stream.push(packet):
+        for frame, features in stream.push(packet, self.now()):
             message = SpeechFeatures(features=features.astype(np.float32))
             message.header.stamp = stamp(frame_time(frame))
             message.header.frame_id, message.utterance = source, audio.utterance

@@ -61,6 +61,7 @@ class GestureSelector(GestureNode):
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
         self._cuts, self._liveness = Cuts(), Liveness()
+        self._too_late = 0
         self._said: tuple[Any, ...] = ()
         self._refused: dict[str, str] = {}
         self._publish_state()
@@ -90,6 +91,9 @@ class GestureSelector(GestureNode):
             return
         live = self._is_live(message)
         seen = seconds(message.header.stamp) + live * self._look_ahead
+        if seen < self.now():
+            self._too_late += 1
+            return
         self._selector.add_features(round(seen * FRAME_RATE), np.asarray(message.features), live)
 
     def _on_keyword(self, message: Keyword) -> None:
@@ -165,6 +169,7 @@ class GestureSelector(GestureNode):
                 constraints=len(selector.constraints),
                 eligible_windows=f"{selector.eligible:.3f}",
                 late=selector.late,
+                features_too_late=self._too_late,
             )
         )
 

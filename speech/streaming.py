@@ -22,6 +22,9 @@ FULL_SCALE = 0.999
 CLIPPING = 0.002
 """More than so much of it between two reports is worth a word [s]."""
 
+STALE = 1.1
+"""Sound that ended so long ago moves nobody any more: the longest look-ahead [s]."""
+
 DEAD = 1.5
 """A source that has not ended and is silent for so long has trouble [s]."""
 
@@ -67,8 +70,12 @@ class SpeechStream:
         self._told = (0.0, 0.0, 0.0)
         self._changed = ""
 
-    def push(self, packet: Packet) -> list[tuple[int, np.ndarray]]:
+    def push(self, packet: Packet, now: float = -np.inf) -> list[tuple[int, np.ndarray]]:
         """Take in the next packet.
+
+        Args:
+            packet: The packet.
+            now: The present [s since the epoch]; a packet that comes STALE seconds too late is dropped.
 
         Returns:
             The frames that it completes: index on the grid, and (28,) features; see features.py.
@@ -80,6 +87,10 @@ class SpeechStream:
             raise InvalidValueError("sound needs a sample rate; got", packet.rate, ["1 Hz and more"])
         if not np.isfinite(packet.samples).all():
             raise InvalidValueError("sound has samples that are not finite numbers")
+        length = len(packet.samples) / packet.rate
+        if packet.moment + length < now - STALE:
+            self.late += length
+            return []
         gap = packet.moment - self.until if self.until is not None else np.inf
         if packet.utterance != self._utterance or abs(gap) > LONGEST_GAP:
             self._begin(packet)

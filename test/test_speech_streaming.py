@@ -97,6 +97,18 @@ def test_clipping_and_a_dead_source_are_told(speech):
     assert stream.troubles(stream.until or back[0].moment) == []
 
 
+def test_sound_that_is_long_over_is_dropped_and_counted(speech):
+    stream, sent = SpeechStream(), packets(speech)
+    frames = [frame for packet in sent[:40] for frame in stream.push(packet, packet.moment + 0.1)]
+    assert len(frames) > 15
+    for packet in sent[40:45]:
+        assert stream.push(packet, packet.moment + 5.0) == []
+    assert stream.late == pytest.approx(5 * PIECE / SAMPLE_RATE)
+    frames = [frame for packet in sent[45:] for frame in stream.push(packet, packet.moment + 0.1)]
+    assert stream.lost == pytest.approx(5 * PIECE / SAMPLE_RATE)
+    assert len(frames) > 10
+
+
 @pytest.mark.parametrize("bad", [{"rate": 0}, {"samples": np.array([0.1, np.nan], np.float32)}])
 def test_a_bad_packet_changes_nothing(speech, bad):
     sent, stream = packets(speech), SpeechStream()
