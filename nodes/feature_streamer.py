@@ -1,5 +1,6 @@
-"""Sound in, one vector of speech features a frame out."""
+"""Sound in; a frame, one vector of speech features and whether somebody speaks out."""
 
+from collections import defaultdict, deque
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import first_frame_after, frame_time
 from gesture_bot.msg import Audio, SpeechFeatures
 from gesture_bot.nodes.node import STREAM, GestureNode, seconds, stamp
+from gesture_bot.speech.activity import ActivityStream
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import FeatureStream
+from gesture_bot.speech.loudness import LoudnessNormaliser
 
 
 class FeatureStreamer(GestureNode):
@@ -20,6 +23,8 @@ class FeatureStreamer(GestureNode):
         super().__init__(name, **options)
         self._publisher = self.create_publisher(SpeechFeatures, "speech/features", STREAM)
         self._utterance: tuple[str, int] | None = None
+        self._spoken: deque[bool] = deque()
+        self._loudness: defaultdict[str, LoudnessNormaliser] = defaultdict(LoudnessNormaliser)
         self.listen(Audio, "speech/audio", self._on_audio, STREAM)
         self.waits_for("sound on speech/audio")
 
@@ -35,9 +40,9 @@ class FeatureStreamer(GestureNode):
         samples = self._resampler.resample_chunk(samples, last=audio.last)
         skipped = min(self._skip, len(samples))
         self._skip -= skipped
-        self._publish(self._stream.push(samples[skipped:]))
+        self._publish(self._stream.push(samples[skipped:]), self._activity.push(samples[skipped:]))
         if audio.last:
-            self._publish(self._stream.flush())
+            self._publish(self._stream.flush(), self._activity.flush())
             self._utterance = None
 
     def _begin(self, audio: Audio, utterance: tuple[str, int]) -> None:
@@ -47,12 +52,16 @@ class FeatureStreamer(GestureNode):
         # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
         self._skip = max(0, round((frame_time(self._frame) - heard) * SAMPLE_RATE))
         self._resampler = soxr.ResampleStream(audio.sample_rate, SAMPLE_RATE, 1, dtype="float32")
-        self._stream = FeatureStream()
+        self._stream = FeatureStream(self._loudness[audio.header.frame_id])
+        self._activity = ActivityStream()
+        self._spoken.clear()
 
-    def _publish(self, frames: np.ndarray) -> None:
+    def _publish(self, frames: np.ndarray, activity: np.ndarray) -> None:
         assert self._utterance
+        self._spoken.extend(activity)  # it is known a little earlier than the features
         for features in frames:
-            message = SpeechFeatures(features=features.astype(np.float32))
+            speech = bool(self._spoken.popleft())
+            message = SpeechFeatures(features=features.astype(np.float32), speech=speech)
             message.header.stamp = stamp(frame_time(self._frame))
             message.header.frame_id, message.utterance = self._utterance
             self._publisher.publish(message)

@@ -86,7 +86,8 @@ class GestureSelector(GestureNode):
         if self._is_void(message):
             return
         frame = round((seconds(message.header.stamp) + self._delay) * FRAME_RATE)
-        self._selector.add_features(frame, np.asarray(message.features))
+        features = np.asarray(message.features)
+        self._selector.add_features(frame, features, message.speech, message.header.frame_id)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):
