@@ -279,8 +279,9 @@ class Selector:
             if window.source != "speech":
                 first = max(window.start, soonest, self._strokes.free_from)
                 for frame in range(first, window.stop):
-                    if self._speaks(frame):
-                        plan.cut(max(frame - ONSET, first))
+                    begin = max(frame - ONSET, first)
+                    if self._speaks(frame) and self._spoken(begin, WINDOW):
+                        plan.cut(begin)
                         return
 
     def _speech(self, plan: Plan, frames: int) -> Window | None:

@@ -38,13 +38,11 @@ def rest_pose(database: Database) -> np.ndarray:
 
 
 def rest_poses(database: Database) -> np.ndarray:
-    """(n, 17, 3) float64 [m], up to POSES: the calmest frames in clusters, the largest first; of that body."""
+    """(n, 17, 3) float64 [m], up to POSES: the means of clusters of these frames, with those bones."""
     calmest = _calmest(database)
     frames = calmest.reshape(len(calmest), -1)
     centres, cluster = kmeans2(frames, min(POSES, len(np.unique(frames, axis=0))), minit="++", seed=0)
-    count = np.bincount(cluster, minlength=len(centres))
-    largest = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
-    poses = centres[largest].reshape(-1, *calmest.shape[1:])
+    poses = centres[np.unique(cluster)].reshape(-1, *calmest.shape[1:])
     return with_bone_lengths(poses, np.median(bone_lengths(calmest), axis=0))
 
 
@@ -56,7 +54,7 @@ def nearest(poses: np.ndarray, pose: np.ndarray) -> np.ndarray:
 def _calmest(database: Database) -> np.ndarray:
     """(n, 17, 3) float64 [m]: the tenth of all frames at which both wrists are lowest and slowest.
 
-    Of neutral frames alone, where the database has any. Of a long database, LOOKED_AT sequences are looked at.
+    Of neutral frames alone, where the database has any. Of a long database, LOOKED_AT sequences count.
     """
     starts = database.starts
     if "neutral" in database.names["emotion"]:

@@ -23,6 +23,7 @@ class FeatureStreamer(GestureNode):
         super().__init__(name, **options)
         self._publisher = self.create_publisher(SpeechFeatures, "speech/features", STREAM)
         self._utterance: tuple[str, int] | None = None
+        self._activity = ActivityStream()
         self._spoken: deque[bool] = deque()
         self._loudness: defaultdict[str, LoudnessNormaliser] = defaultdict(LoudnessNormaliser)
         self.listen(Audio, "speech/audio", self._on_audio, STREAM)
@@ -53,7 +54,7 @@ class FeatureStreamer(GestureNode):
         self._skip = max(0, round((frame_time(self._frame) - heard) * SAMPLE_RATE))
         self._resampler = soxr.ResampleStream(audio.sample_rate, SAMPLE_RATE, 1, dtype="float32")
         self._stream = FeatureStream(self._loudness[audio.header.frame_id])
-        self._activity = ActivityStream()
+        self._activity.flush()
         self._spoken.clear()
 
     def _publish(self, frames: np.ndarray, activity: np.ndarray) -> None:

@@ -75,6 +75,8 @@ def test_when_nobody_speaks_the_arms_soon_come_to_rest_close_by(lead):
             """How far the wrists are from where they are two breaths later [m]."""
             return np.linalg.norm((show.seen[frame][0] - show.seen[frame + 2 * breath][0])[WRISTS])
 
+        starts = [window.start for window in show.windows if window.start > end - 8]
+        assert starts == sorted(set(starts)), "nothing is planned twice"
         assert left(end) > 0.05
         # It takes the detector up to 0.2 s to notice the end: 1.5 s in all.
         assert left(end + 19) < 0.05 * left(end)
