@@ -19,6 +19,7 @@ from gesture_bot.evaluate.control_table import (
     write_control_table,
 )
 from gesture_bot.evaluate.held_sentences import HELD_SENTENCES
+from gesture_bot.speech.activity import speech_activity
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
 from gesture_bot.speech.features import speech_features
 from gesture_bot.speech.voice import load_voice
@@ -55,8 +56,9 @@ def command(options: argparse.Namespace) -> int:
     Raises:
         GestureBotError: A file cannot be read or written, or holds no speech.
     """
-    features = speech_features(_speech(options.speech))
-    rows = control_table(load_database(options.database), features)
+    samples = _speech(options.speech)
+    database = load_database(options.database)
+    rows = control_table(database, speech_features(samples), speech_activity(samples))
     console = Console(highlight=False, markup=False, width=_WIDTH)
     console.print(_table("Found by the search", rows, [row.found for row in rows], 1))
     console.print(_table("After refinement", rows, [row.refined for row in rows], 2))

@@ -17,6 +17,7 @@ from gesture_bot.matching.selector import Selector
 from gesture_bot.refine.offline import LEAD_IN, refined_windows
 from gesture_bot.retarget.retargeter import Retargeter
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.speech.activity import speech_activity
 from gesture_bot.speech.audio import load_audio
 from gesture_bot.speech.features import speech_features
 
@@ -49,7 +50,9 @@ def command(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     selector.set_emotion(options.emotion)
-    keypoints, trajectory = motion(speech_features(samples), selector, Retargeter(robot))
+    keypoints, trajectory = motion(
+        speech_features(samples), speech_activity(samples), selector, Retargeter(robot)
+    )
     if output.suffix == ".bvh":
         write_bvh(output, keypoints, FRAME_RATE)
     elif output.suffix == ".csv":
@@ -61,12 +64,13 @@ def command(options: argparse.Namespace) -> int:
 
 
 def motion(
-    features: np.ndarray, selector: Selector, retargeter: Retargeter
+    features: np.ndarray, speech: np.ndarray, selector: Selector, retargeter: Retargeter
 ) -> tuple[np.ndarray, JointTrajectory]:
     """Walk the features through search, refinement and retargeting, as the nodes do.
 
     Args:
         features: (n, 28) speech features, 15 frames a second.
+        speech: (n,) bool: in which of these frames somebody speaks.
         selector: Chooses windows; fresh.
         retargeter: Of the robot; fresh.
 
@@ -78,7 +82,7 @@ def motion(
     frames: dict[int, np.ndarray] = {}
     points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False)
-    for _, clip in refined_windows(selector, features, progress):
+    for _, clip in refined_windows(selector, features, speech, progress):
         frames.update(enumerate(clip.keypoints, clip.start))
         plan = retargeter.push(clip)
         ticks = np.rint(plan.times * 50).astype(int)

@@ -149,19 +149,20 @@ class _Motion:
         return float(np.sqrt(keypoints[:, _WRISTS].var(axis=0).sum()))
 
 
-def control_table(database: Database, features: np.ndarray) -> list[Row]:
+def control_table(database: Database, features: np.ndarray, speech: np.ndarray) -> list[Row]:
     """Make motion for speech under each of CONTROLS and without any, and measure it.
 
     Args:
         database: Where the motion comes from.
         features: (n, 28) features of the speech; see speech/features.py.
+        speech: (n,) bool: in which of these frames somebody speaks; see speech/activity.py.
 
     Raises:
         InvalidValueError: There is no speech, or nothing moves to it.
     """
     selector = Selector(database, gestures={}, emotions=_PLAIN)
     controls, measured = Controls(database), measure(database)
-    free = _motion(selector, features)
+    free = _motion(selector, features, speech)
     if free.reach(refined=False) == 0:
         raise InvalidValueError("no hand moves in the database: there is nothing to measure")
     rows = []
@@ -170,7 +171,7 @@ def control_table(database: Database, features: np.ndarray) -> list[Row]:
         left = database.starts[sequences, None] + frames[:, None] + np.arange(WINDOW)
         selector = Selector(database, gestures={}, emotions=_PLAIN)
         selector.set_controls([constraint])
-        motion = _motion(selector, features)
+        motion = _motion(selector, features, speech)
         rows.append(
             Row(
                 name=name,
@@ -186,12 +187,12 @@ def control_table(database: Database, features: np.ndarray) -> list[Row]:
     return rows
 
 
-def _motion(selector: Selector, features: np.ndarray) -> _Motion:
+def _motion(selector: Selector, features: np.ndarray, speech: np.ndarray) -> _Motion:
     """Walk the features through search and refinement, as the nodes do."""
     refined: dict[int, np.ndarray] = {}
     spoken: dict[int, bool] = {}
     windows = []
-    for window, clip in refined_windows(selector, features, range(LEAD_IN + len(features))):
+    for window, clip in refined_windows(selector, features, speech, range(LEAD_IN + len(features))):
         refined.update(enumerate(clip.keypoints, clip.start))
         spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
         if window.source == "speech":

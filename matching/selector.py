@@ -13,17 +13,17 @@ from gesture_bot.matching.emotions import Emotion, find_emotion
 from gesture_bot.matching.features import AUDIO_OFFSETS
 from gesture_bot.matching.plan import Plan, Window
 from gesture_bot.matching.search import Preselection, Search, check_settings
-from gesture_bot.matching.settling import Settling, rest_pose
+from gesture_bot.matching.settling import Settling, nearest, rest_pose, rest_poses
 from gesture_bot.matching.shaping import enlarged, played
+from gesture_bot.matching.speaker import Speaker, speech_statistics
 from gesture_bot.matching.strokes import Strokes
-from gesture_bot.speech.features import COEFFICIENTS, FEATURES, SILENCE_FEATURES
-from gesture_bot.speech.loudness import SPEECH_LEVEL
+from gesture_bot.speech.features import FEATURES, SILENCE_FEATURES
 
-LEAST_SPEECH = SPEECH_LEVEL - 25.0
-"""A frame is speech where its energy is over this [dB]: features are those of normalised sound."""
+ONSET = 6
+"""Frames before speech is detected at which motion begins: a gesture is prepared before its word.
 
-ONSET = 4
-"""Frames before the first sound of speech at which motion begins: a gesture is prepared before its word."""
+Four before its first sound, which is up to two frames earlier.
+"""
 
 AHEAD = 0.8
 """Where speech is announced, windows are planned so long before they are seen [s]."""
@@ -37,8 +37,13 @@ REACT = 0.15
 CUT_REACT = 0.1
 """What is seen sooner than this is not changed by a cut any more [s]: time for the bus alone."""
 
+SHORTEST = WINDOW // 2
+"""Where speech ends within less than this many frames, no window is searched for them."""
+
 LATELY = 25 * FRAME_RATE
 """A window of speech does not come again within so many frames, where there are others."""
+
+_SILENCE = SILENCE_FEATURES, False
 
 
 class Selector:
@@ -71,11 +76,13 @@ class Selector:
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
-        self._rest = rest_pose(database)
+        self._rest, self._rest_poses = rest_pose(database), rest_poses(database)
 
+        self._voice = speech_statistics(database)
+        self._speakers: dict[str, Speaker] = {}
         self._plan: Plan | None = None
         self._settling: Settling | None = None
-        self._features: dict[int, np.ndarray] = {}
+        self._heard: dict[int, tuple[np.ndarray, bool]] = {}
         self._announced = self._last_heard = -WINDOW
         self._strokes = Strokes(gestures)
         self._cut: int | None = None
@@ -135,12 +142,16 @@ class Selector:
         self._constraints, self._since = tuple(constraints), since
         self._admit()
 
-    def add_features(self, frame: int, features: np.ndarray, live: bool = False) -> None:
+    def add_features(
+        self, frame: int, features: np.ndarray, speech: bool, speaker: str = "", live: bool = False
+    ) -> None:
         """Take in the sound of a frame.
 
         Args:
             frame: Index on the grid, where its motion belongs.
             features: (28,) speech features; see speech.features.
+            speech: Whether somebody speaks in it; see speech.activity.
+            speaker: Where it comes from: a speaker's features are brought to the database's voice.
             live: Whether it was heard before this call, as from a microphone. What is announced, such as the
                 robot's own voice, goes first.
 
@@ -151,10 +162,12 @@ class Selector:
             raise InvalidValueError(
                 f"speech features of frame {frame}", features, [f"{FEATURES} finite numbers"]
             )
+        if speaker not in self._speakers:
+            self._speakers[speaker] = Speaker(*self._voice)
+        features = self._speakers[speaker].push(np.asarray(features), speech)
         if live and frame <= self._announced:
             return
-        self._features[frame] = np.asarray(features, np.float32)
-        self._last_heard = frame
+        self._hear(frame, features, speech)
         if not live:
             self._announced = frame
 
@@ -172,8 +185,9 @@ class Selector:
             moment: On the clock of the plan [s since the epoch].
         """
         frame = first_frame_after(moment)
-        self._features = {heard: features for heard, features in self._features.items() if heard < frame}
-        self.add_features(frame, SILENCE_FEATURES)
+        self._heard = {earlier: heard for earlier, heard in self._heard.items() if earlier < frame}
+        self._hear(frame, *_SILENCE)
+        self._announced = frame
         self._strokes.cut(moment)
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
@@ -191,7 +205,7 @@ class Selector:
         self._end_controls(now)
         soonest = first_frame_after(now + REACT)
         if self._plan is None:
-            self._plan = Plan(soonest, self._rest)
+            self._plan = Plan(soonest, nearest(self._rest_poses, self._rest))
         plan = self._plan
         if plan.end < first_frame_after(now):
             self._late += 1
@@ -199,7 +213,7 @@ class Selector:
             self._settling = None
         plan.forget(first_frame_after(now) - LATELY)
         oldest = soonest - 2 * WINDOW
-        self._features = {frame: features for frame, features in self._features.items() if frame > oldest}
+        self._heard = {frame: heard for frame, heard in self._heard.items() if frame > oldest}
         if self._cut is not None:
             plan.cut(max(self._cut, first_frame_after(now + CUT_REACT)))
             self._settling, self._cut = None, None
@@ -219,12 +233,16 @@ class Selector:
                 return windows
             else:
                 frames = min(WINDOW, timing.begin - plan.end) if timing else WINDOW
-                found = self._speech(plan, frames) if self._is_spoken(plan.end) else None
-                window = found or self._silence(plan, frames)
+                spoken = self._spoken(plan.end, frames)
+                window = (self._speech(plan, spoken) if spoken else None) or self._silence(plan, frames)
             if window.source != "rest":
                 self._settling = None
             plan.add(window)
             windows.append(window)
+
+    def _hear(self, frame: int, features: np.ndarray, speech: bool) -> None:
+        self._heard[frame] = features, speech
+        self._last_heard = frame
 
     @property
     def _bounds(self) -> list[Constraint]:
@@ -251,13 +269,21 @@ class Selector:
 
     def _speaks(self, frame: int) -> bool:
         """Whether a frame is speech; up to a window after the last one known, it is taken to be like that."""
-        if frame not in self._features and self._last_heard < frame <= self._last_heard + WINDOW:
+        if frame not in self._heard and self._last_heard < frame <= self._last_heard + WINDOW:
             frame = self._last_heard
-        return frame in self._features and bool(self._features[frame][COEFFICIENTS] > LEAST_SPEECH)
+        return self._heard.get(frame, _SILENCE)[1]
 
     def _is_spoken(self, start: int) -> bool:
         """Whether there is speech in a window that begins here, or so soon after that it prepares for it."""
         return any(self._speaks(frame) for frame in range(start, start + WINDOW + ONSET))
+
+    def _spoken(self, start: int, frames: int) -> int:
+        """How many of the frames from one on go with speech: up to its end, where that is known."""
+        for frame in range(start, start + frames):
+            if not self._is_spoken(frame) and (frame == start or frame <= self._last_heard):
+                # Too few of them would be a jump.
+                return frame - start if frame - start >= SHORTEST else 0
+        return frames
 
     def _interrupt_rest(self, plan: Plan, soonest: int) -> None:
         """Cut the plan where it rests, or hands retract, although somebody speaks."""
@@ -265,8 +291,9 @@ class Selector:
             if window.source != "speech":
                 first = max(window.start, soonest, self._strokes.free_from)
                 for frame in range(first, window.stop):
-                    if self._speaks(frame):
-                        plan.cut(max(frame - ONSET, first))
+                    begin = max(frame - ONSET, first)
+                    if self._speaks(frame) and self._spoken(begin, WINDOW):
+                        plan.cut(begin)
                         return
 
     def _speech(self, plan: Plan, frames: int) -> Window | None:
@@ -277,7 +304,7 @@ class Selector:
             pose = self._search.pose_at(self._search.row(last.sequence, last.frame + shown))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
-        sound = self._search.audio_of(self._heard(start))
+        sound = self._search.audio_of(self._sound(start))
         lately = [(seen.sequence, seen.frame) for seen in plan.windows[::-1] if seen.source == "speech"]
         mask, k = self._admission.without(lately), int(self._generator.integers(1, self._k + 1))
         match = self._search.find(pose, sound, mask, k, self._preselection)
@@ -304,14 +331,14 @@ class Selector:
             amplitude=amplitude,
         )
 
-    def _heard(self, start: int) -> np.ndarray:
+    def _sound(self, start: int) -> np.ndarray:
         """(m, 28) the sound from a frame on, up to what is known of it where it is live."""
         stop = start + AUDIO_OFFSETS[-1] + 1
         if self._last_heard > self._announced:
             # The search takes what is still to come to be like the last frame.
             stop = min(stop, max(self._last_heard, start) + 1)
         frames = range(start, stop)
-        return np.array([self._features.get(frame, SILENCE_FEATURES) for frame in frames])
+        return np.array([self._heard.get(frame, _SILENCE)[0] for frame in frames])
 
     def _shape(self, sequence: int) -> tuple[float, float]:
         """Tempo and amplitude at which a sequence is shown.
@@ -332,4 +359,5 @@ class Selector:
         return Window(plan.end, self._settling.at(np.arange(plan.end, plan.end + frames)), "rest")
 
     def _settle(self, plan: Plan) -> Settling:
-        return Settling(plan.end - 1, *plan.pose_and_velocity(), self._rest)
+        pose, velocity = plan.pose_and_velocity()
+        return Settling(plan.end - 1, pose, velocity, nearest(self._rest_poses, pose))

@@ -4,18 +4,23 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX, bone_lengths, mirror, with_bone_lengths
+from gesture_bot.base.vectors import length
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching.quantities import wrist_height, wrist_speed
 from gesture_bot.matching.search import ranks_of
 
-HALF_LIFE = 0.45
+HALF_LIFE = 0.32
 """After so long, half of the way to rest is left [s]."""
 
 BREATH = 3.8
 """Seconds from one breath to the next."""
+
+POSES = 8
+"""Poses at rest that a database gives at most."""
 
 LOOKED_AT = 2000
 """Sequences that stand for a database."""
@@ -27,10 +32,29 @@ _BREATHING += mirror(_BREATHING)
 
 
 def rest_pose(database: Database) -> np.ndarray:
-    """(17, 3) float64 [m]: the mean of the database's calmest frames, with the bones of its body.
+    """(17, 3) float64 [m]: the mean of the database's calmest frames, with the bones of its body."""
+    calmest = _calmest(database)
+    return with_bone_lengths(calmest.mean(axis=0), np.median(bone_lengths(calmest), axis=0))
 
-    The calmest are the tenth of all frames at which both wrists are lowest and slowest; of neutral frames
-    alone, where the database has any. Of a long database, LOOKED_AT sequences are looked at.
+
+def rest_poses(database: Database) -> np.ndarray:
+    """(n, 17, 3) float64 [m], up to POSES: the means of clusters of these frames, with those bones."""
+    calmest = _calmest(database)
+    frames = calmest.reshape(len(calmest), -1)
+    centres, cluster = kmeans2(frames, min(POSES, len(np.unique(frames, axis=0))), minit="++", seed=0)
+    poses = centres[np.unique(cluster)].reshape(-1, *calmest.shape[1:])
+    return with_bone_lengths(poses, np.median(bone_lengths(calmest), axis=0))
+
+
+def nearest(poses: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Of some poses (n, 17, 3), the one whose keypoints are nearest to those of a pose (17, 3)."""
+    return poses[length(poses - pose).mean(axis=1).argmin()]
+
+
+def _calmest(database: Database) -> np.ndarray:
+    """(n, 17, 3) float64 [m]: the tenth of all frames at which both wrists are lowest and slowest.
+
+    Of neutral frames alone, where the database has any. Of a long database, LOOKED_AT sequences count.
     """
     starts = database.starts
     if "neutral" in database.names["emotion"]:
@@ -39,8 +63,7 @@ def rest_pose(database: Database) -> np.ndarray:
     keypoints = database.keypoints[(starts[:, None] + np.arange(SEQUENCE)).ravel()].astype(np.float64)
     speed = wrist_speed(keypoints, np.arange(len(starts)).repeat(SEQUENCE))
     unrest = ranks_of(wrist_height(keypoints).max(axis=1)) + ranks_of(speed.max(axis=1))
-    calmest = keypoints[np.argsort(unrest, kind="stable")[: len(keypoints) // 10]]
-    return with_bone_lengths(calmest.mean(axis=0), np.median(bone_lengths(calmest), axis=0))
+    return keypoints[np.argsort(unrest, kind="stable")[: len(keypoints) // 10]]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Sound in, one vector of speech features a frame out."""
+"""Sound in; a frame, one vector of speech features and whether somebody speaks out."""
 
 from typing import Any
 
@@ -36,9 +36,9 @@ class FeatureStreamer(GestureNode):
             np.asarray(audio.samples, np.float32),
             audio.last,
         )
-        for frame, features in stream.push(packet, self.now()):
-            message = SpeechFeatures(features=features.astype(np.float32))
-            message.header.stamp = stamp(frame_time(frame))
+        for frame in stream.push(packet, self.now()):
+            message = SpeechFeatures(features=frame.features.astype(np.float32), speech=frame.speech)
+            message.header.stamp = stamp(frame_time(frame.index))
             message.header.frame_id, message.utterance = source, audio.utterance
             self._publisher.publish(message)
 

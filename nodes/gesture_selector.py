@@ -94,7 +94,8 @@ class GestureSelector(GestureNode):
         if seen < self.now():
             self._too_late += 1
             return
-        self._selector.add_features(round(seen * FRAME_RATE), np.asarray(message.features), live)
+        frame, features = round(seen * FRAME_RATE), np.asarray(message.features)
+        self._selector.add_features(frame, features, message.speech, message.header.frame_id, live)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):

@@ -60,10 +60,14 @@ class FeatureStream:
 
     Frame k lasts from k / 15 s to (k + 1) / 15 s. It is the mean over the 6 or 7 windows whose centre lies in
     it, and is complete at most 17.5 ms after its end.
+
+    Args:
+        loudness: Of what the speaker said before, which goes on; otherwise the speaker is new.
     """
 
-    def __init__(self) -> None:
-        self._loudness = LoudnessNormaliser()
+    def __init__(self, loudness: LoudnessNormaliser | None = None) -> None:
+        self._loudness = loudness or LoudnessNormaliser()
+        self._loudness.begin()
         self._received = 0
         self._frame = 0
         self._signal = np.zeros(0)

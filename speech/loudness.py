@@ -16,7 +16,7 @@ _UNDER_PEAK = 20.0  # and no more than this under the recent peak [dB]
 _NOISE_RISE = 0.05  # the noise floor falls at once with the signal and rises this fast [dB per block]
 _PEAK_FALL = 0.02  # the peak rises at once with the signal and falls this fast [dB per block]
 _PRIOR = 10  # SPEECH_LEVEL weighs as much as this many blocks of speech (0.1 s)
-_MEMORY = 300  # speech over which the level is averaged [blocks] (3 s)
+_MEMORY = 3000  # speech over which the level is averaged [blocks] (30 s): loud and soft passages stay apart
 _SILENCE = -100.0  # level of digital silence [dB of full scale]
 
 
@@ -33,6 +33,10 @@ class LoudnessNormaliser:
         self._peak = -np.inf
         self._level = SPEECH_LEVEL
         self._weight = _PRIOR
+
+    def begin(self) -> None:
+        """Begin another signal of the same speaker; samples left over are dropped."""
+        self._rest = np.zeros(0)
 
     def push(self, samples: np.ndarray) -> np.ndarray:
         """Normalise the blocks that are complete; samples left over wait for the next call.

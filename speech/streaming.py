@@ -1,5 +1,6 @@
 """Sound in packets, as it comes over a network or from a microphone: joined, repaired, made into features."""
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,10 @@ import soxr
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import first_frame_after, frame_time
+from gesture_bot.speech.activity import ActivityStream
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import FeatureStream
+from gesture_bot.speech.loudness import LoudnessNormaliser
 
 JITTER = 0.03
 """The stamps of packets that follow each other are so exact [s]."""
@@ -48,6 +51,21 @@ class Packet:
     last: bool
 
 
+@dataclass(frozen=True)
+class SpeechFrame:
+    """What is heard in a frame.
+
+    Attributes:
+        index: On the frame grid.
+        features: (28,); see features.py.
+        speech: Whether somebody speaks; see activity.py.
+    """
+
+    index: int
+    features: np.ndarray
+    speech: bool
+
+
 class SpeechStream:
     """The sound of one source, whatever happens to its packets, as features on the frame grid.
 
@@ -67,10 +85,12 @@ class SpeechStream:
         self.rate = 0
         self.until: float | None = None
         self._utterance = 0
+        self._loudness, self._activity = LoudnessNormaliser(), ActivityStream()
+        self._spoken: deque[bool] = deque()
         self._told = (0.0, 0.0, 0.0)
         self._changed = ""
 
-    def push(self, packet: Packet, now: float = -np.inf) -> list[tuple[int, np.ndarray]]:
+    def push(self, packet: Packet, now: float = -np.inf) -> list[SpeechFrame]:
         """Take in the next packet.
 
         Args:
@@ -78,7 +98,7 @@ class SpeechStream:
             now: The present [s since the epoch]; a packet that comes STALE seconds too late is dropped.
 
         Returns:
-            The frames that it completes: index on the grid, and (28,) features; see features.py.
+            The frames that it completes.
 
         Raises:
             InvalidValueError: It has no sample rate, or samples that are not finite. The stream is as before.
@@ -110,7 +130,7 @@ class SpeechStream:
         self.until += len(samples) / packet.rate
         frames += self._frames(self._resampler.resample_chunk(samples, last=packet.last))
         if packet.last:
-            frames += self._numbered(self._features.flush())
+            frames += self._heard(self._features.flush(), self._activity.flush())
             self.until = None
         return frames
 
@@ -145,9 +165,11 @@ class SpeechStream:
         # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
         self._skip = max(0, round((frame_time(self._frame) - packet.moment) * SAMPLE_RATE))
         self._resampler = soxr.ResampleStream(packet.rate, SAMPLE_RATE, 1, dtype="float32")
-        self._features = FeatureStream()
+        self._features = FeatureStream(self._loudness)
+        self._activity.flush()
+        self._spoken.clear()
 
-    def _changed_rate(self, rate: int) -> list[tuple[int, np.ndarray]]:
+    def _changed_rate(self, rate: int) -> list[SpeechFrame]:
         """Frames completed by what a resampler still holds, where the next packet has another rate."""
         if rate == self.rate:
             return []
@@ -157,12 +179,17 @@ class SpeechStream:
         self._resampler = soxr.ResampleStream(rate, SAMPLE_RATE, 1, dtype="float32")
         return self._frames(rest)
 
-    def _frames(self, samples: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    def _frames(self, samples: np.ndarray) -> list[SpeechFrame]:
         skipped = min(self._skip, len(samples))
         self._skip -= skipped
-        return self._numbered(self._features.push(samples[skipped:]))
+        samples = samples[skipped:]
+        return self._heard(self._features.push(samples), self._activity.push(samples))
 
-    def _numbered(self, features: np.ndarray) -> list[tuple[int, np.ndarray]]:
-        frames = list(enumerate(features, self._frame))
+    def _heard(self, features: np.ndarray, activity: np.ndarray) -> list[SpeechFrame]:
+        self._spoken.extend(activity)  # it is known a little earlier than the features
+        frames = [
+            SpeechFrame(index, vector, bool(self._spoken.popleft()))
+            for index, vector in enumerate(features, self._frame)
+        ]
         self._frame += len(frames)
         return frames

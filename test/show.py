@@ -8,6 +8,8 @@ from gesture_bot.base.keypoints import INDEX
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.selector import Selector
+from gesture_bot.matching.speaker import LEAST_SPEECH
+from gesture_bot.speech.features import COEFFICIENTS
 
 DATABASE = small_database()
 GESTURES, EMOTIONS = load_banks(), load_emotions()
@@ -38,10 +40,13 @@ class Show:
         coming = dict(enumerate(speech, speech_start or 0))
         while self.now < end:
             for frame in [frame for frame in coming if frame_time(frame) - lead <= self.now]:
-                self.chooser.add_features(frame, coming.pop(frame))
+                self.hear(frame, coming.pop(frame))
             self.tick()
             self.now += 1 / 30
         return self
+
+    def hear(self, frame, features, **options):
+        self.chooser.add_features(frame, features, features[COEFFICIENTS] > LEAST_SPEECH, **options)
 
     def tick(self):
         windows = self.chooser.plan(self.now)

@@ -13,7 +13,7 @@ from gesture_bot.corpus import landmarks_reader, lsg21_reader
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.precomputed import Sound, features_like_ours
 from gesture_bot.corpus.skeletons import load_skeleton
-from gesture_bot.matching.selector import LEAST_SPEECH
+from gesture_bot.matching.speaker import LEAST_SPEECH
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import COEFFICIENTS, SILENCE_FEATURES, STATIC, speech_features
 from gesture_bot.speech.voice import load_voice

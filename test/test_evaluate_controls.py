@@ -36,7 +36,7 @@ def wav(tmp_path_factory):
 def rows(database):
     speech = np.random.default_rng(5).normal(size=(300, 28)).astype(np.float32)
     speech[:, 13] = -20.0
-    return {row.name: row for row in control_table(database, speech)}
+    return {row.name: row for row in control_table(database, speech, np.ones(300, bool))}
 
 
 def test_the_means_lie_on_their_sides(rows):
@@ -68,7 +68,7 @@ def test_what_is_missed_is_told(rows):
 
 def test_silence_makes_no_table(database):
     with pytest.raises(InvalidValueError, match="no speech"):
-        control_table(database, np.tile(SILENCE_FEATURES, (60, 1)))
+        control_table(database, np.tile(SILENCE_FEATURES, (60, 1)), np.zeros(60, bool))
 
 
 def test_motion_that_stands_still_is_nothing_to_measure(database, wav, tmp_path, capsys):

@@ -31,7 +31,7 @@ def packets(samples, begin=BEGIN, rate=SAMPLE_RATE, piece=PIECE):
 
 def pushed(stream, sent):
     frames = [frame for packet in sent for frame in stream.push(packet)]
-    return [number for number, _ in frames], np.array([features for _, features in frames])
+    return [frame.index for frame in frames], np.array([frame.features for frame in frames])
 
 
 def test_packets_give_the_features_of_the_whole(speech):
@@ -120,7 +120,7 @@ def test_a_bad_packet_changes_nothing(speech, bad):
                 stream.push(Packet(1, packet.moment, fields["rate"], fields["samples"], False))
         frames += stream.push(packet)
     np.testing.assert_allclose(
-        np.array([features for _, features in frames])[:, :STATIC],
+        np.array([frame.features for frame in frames])[:, :STATIC],
         speech_features(speech)[:, :STATIC],
         rtol=1e-5,
         atol=1e-5,
