@@ -19,7 +19,7 @@ from gesture_bot.matching.emotions import Emotion
 from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.matching.search import eligible
 from gesture_bot.matching.selector import Selector
-from gesture_bot.refine.offline import LEAD_IN, refined_windows
+from gesture_bot.refine.offline import spoken_motion
 
 CONTROLS = {
     "high": Constraint("wrist_height", "at_least", 85, "left"),
@@ -188,20 +188,8 @@ def control_table(database: Database, features: np.ndarray) -> list[Row]:
 
 def _motion(selector: Selector, features: np.ndarray) -> _Motion:
     """Walk the features through search and refinement, as the nodes do."""
-    refined: dict[int, np.ndarray] = {}
-    spoken: dict[int, bool] = {}
-    windows = []
-    for window, clip in refined_windows(selector, features, range(LEAD_IN + len(features))):
-        refined.update(enumerate(clip.keypoints, clip.start))
-        spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
-        if window.source == "speech":
-            windows.append(window.keypoints)
-    if not windows:
-        raise InvalidValueError("there is no speech to make motion for")
-    frames = range(min(spoken), max(spoken) + 1)
-    return _Motion(
-        windows, np.stack([refined[frame] for frame in frames]), np.array([spoken[frame] for frame in frames])
-    )
+    motion = spoken_motion(selector, features)
+    return _Motion([window.keypoints for window in motion.windows], motion.refined.keypoints, motion.spoken)
 
 
 def _values(constraint: Constraint, keypoints: np.ndarray) -> np.ndarray:

@@ -1,18 +1,20 @@
 """The gesture selector: from speech features, keywords and controls to windows of motion, ahead of time."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after
-from gesture_bot.corpus.database import Database
+from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.matching.banks import Gesture
 from gesture_bot.matching.controls import Admission, Constraint, Controls, Demand, LabelConstraint
 from gesture_bot.matching.emotions import Emotion, find_emotion
 from gesture_bot.matching.features import AUDIO_OFFSETS
 from gesture_bot.matching.plan import Plan, Window
-from gesture_bot.matching.search import Preselection, Search, check_settings
+from gesture_bot.matching.rhythm import AFTER, BEFORE, STRETCH, aligned, motion_beats
+from gesture_bot.matching.search import Match, Preselection, Search, check_settings
 from gesture_bot.matching.settling import Settling, rest_pose
 from gesture_bot.matching.shaping import enlarged, played
 from gesture_bot.matching.strokes import Strokes
@@ -52,6 +54,8 @@ class Selector:
         seed: Of that draw.
         ahead: Windows are planned so long before they are seen [s].
         react: What is seen sooner than this from now is not changed any more [s].
+        align_beats: Windows of speech are played so that the hands' beats fall on those of the speech, unless
+            a control bounds the speed of the wrists; see rhythm.py.
     """
 
     def __init__(
@@ -64,18 +68,20 @@ class Selector:
         seed: int = 0,
         ahead: float = AHEAD,
         react: float = 0.4,
+        align_beats: bool = False,
     ) -> None:
         self._database, self._emotions = database, emotions
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
-        self._ahead, self._react = ahead, react
+        self._ahead, self._react, self._align_beats = ahead, react, align_beats
         self._rest = rest_pose(database)
 
         self._plan: Plan | None = None
         self._settling: Settling | None = None
         self._features: dict[int, np.ndarray] = {}
         self._last_heard = -WINDOW
+        self._beats: list[float] = []
         self._strokes = Strokes(gestures)
         self._cut: int | None = None
         self._late = 0
@@ -151,6 +157,19 @@ class Selector:
         self._features[frame] = np.asarray(features, np.float32)
         self._last_heard = frame
 
+    def add_beat(self, moment: float) -> None:
+        """Take in a beat of the speech; see speech.beats.
+
+        Args:
+            moment: On the clock of the plan [s since the epoch].
+
+        Raises:
+            InvalidValueError: It is not finite.
+        """
+        if not math.isfinite(moment):
+            raise InvalidValueError("moment of a beat", moment, ["a finite number"])
+        self._beats.append(moment * FRAME_RATE)
+
     def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
         self._strokes.add(gesture, stroke, phrase)
@@ -167,6 +186,7 @@ class Selector:
         frame = first_frame_after(moment)
         self._features = {heard: features for heard, features in self._features.items() if heard < frame}
         self.add_features(frame, SILENCE_FEATURES)
+        self._beats = [beat for beat in self._beats if beat < frame]
         self._strokes.cut(moment)
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
@@ -193,6 +213,7 @@ class Selector:
         plan.forget(first_frame_after(now) - LATELY)
         oldest = soonest - 2 * WINDOW
         self._features = {frame: features for frame, features in self._features.items() if frame > oldest}
+        self._beats = [beat for beat in self._beats if beat > oldest]
         if self._cut is not None:
             plan.cut(max(self._cut, first_frame_after(now + CUT_REACT)))
             self._settling, self._cut = None, None
@@ -265,8 +286,8 @@ class Selector:
         """The window that goes on best from the last pose with the sound; None where nothing ever moves."""
         start, last = plan.end, plan.last
         if last.source == "speech":
-            shown = round(last.tempo * (len(last.keypoints) - 1))
-            pose = self._search.pose_at(self._search.row(last.sequence, last.frame + shown))
+            frame = last.frame + round(last.shown[len(last.keypoints) - 1])
+            pose = self._search.pose_at(self._search.row(last.sequence, frame))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
         heard = range(start, start + AUDIO_OFFSETS[-1] + 1)
@@ -283,7 +304,8 @@ class Selector:
             return None
         tempo, amplitude = self._shape(match.sequence)
         row = self._search.row(match.sequence, match.frame)
-        recorded = played(self._database.keypoints, row, frames, tempo)
+        shown = self._shown(match, start, frames, tempo)
+        recorded = played(self._database.keypoints, row + shown)
         # Another amplitude than that of the window before is reached within this one.
         amplitudes = np.linspace(last.amplitude, amplitude, frames + 1)[1:]
         return Window(
@@ -295,9 +317,20 @@ class Selector:
             pose_distance=match.pose_distance,
             audio_distance=match.audio_distance,
             candidates=match.candidates,
-            tempo=tempo,
+            shown=shown,
             amplitude=amplitude,
         )
+
+    def _shown(self, match: Match, start: int, frames: int, tempo: float) -> np.ndarray:
+        """Which frames of the matched sequence a window shows, from the match on: (frames,)."""
+        beats = np.array(self._beats) - start
+        if not self._align_beats or any(bound.quantity == "wrist_speed" for bound in self._bounds):
+            beats = beats[:0]
+        first = max(0, match.frame - BEFORE)
+        stop = match.frame + math.ceil((1 + STRETCH) * tempo * frames) + AFTER
+        row = self._search.row(match.sequence, 0)
+        recorded = self._database.keypoints[row + first : row + min(stop, SEQUENCE + LOOKAHEAD)]
+        return aligned(motion_beats(recorded) + first - match.frame, beats, frames, tempo)
 
     def _shape(self, sequence: int) -> tuple[float, float]:
         """Tempo and amplitude at which a sequence is shown.

@@ -43,6 +43,11 @@ class GestureSelector(GestureNode):
             "preselection", "pose", "What is searched first (MM22)", choices=get_args(Preselection)
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
+        align_beats = self.parameter(
+            "align_beats",
+            False,
+            "Play the windows so that the hands' beats fall on those of the speech (RG22)",
+        )
         self._delay = self.parameter(
             "delay",
             0.0,
@@ -56,6 +61,7 @@ class GestureSelector(GestureNode):
             k=k,
             preselection=preselection,
             seed=seed,
+            align_beats=align_beats,
         )
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
@@ -87,6 +93,8 @@ class GestureSelector(GestureNode):
             return
         frame = round((seconds(message.header.stamp) + self._delay) * FRAME_RATE)
         self._selector.add_features(frame, np.asarray(message.features))
+        for beat in message.beats:
+            self._selector.add_beat(seconds(message.header.stamp) + beat + self._delay)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):
