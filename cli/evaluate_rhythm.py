@@ -63,12 +63,12 @@ def _speech(path: Path) -> Speech:
     """A sound file, or a recording of motion with the sound file beside it."""
     if not any(reader.fits(path) for reader in READERS):
         return Speech(load_audio(path))
-    take, *others = reader_of(path).read(path)
-    if others or take.features is not None:
+    takes = list(reader_of(path).read(path))
+    if len(takes) != 1 or takes[0].features is not None:
         raise FileFormatError(f"{path} is no single recording with a sound file beside it")
-    skeleton = choose_skeleton(take, path.stem, list(load_skeletons().values()))
+    skeleton = choose_skeleton(takes[0], path.stem, list(load_skeletons().values()))
     sounds = [file for file in path.absolute().parent.iterdir() if file.suffix.lower() in SOUNDS]
-    return Speech(load_audio(skeleton.sound_file(path, sounds)), motion_of(take, skeleton).keypoints)
+    return Speech(load_audio(skeleton.sound_file(path, sounds)), motion_of(takes[0], skeleton).keypoints)
 
 
 def _table(rows: Sequence[Row]) -> Table:

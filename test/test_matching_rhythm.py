@@ -5,10 +5,12 @@ import pytest
 from show import DATABASE, SPEECH, START, WRISTS, Show, selector
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import FRAME_RATE, frame_time
+from gesture_bot.base.frames import FRAME_RATE, WINDOW, frame_time
+from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE
 from gesture_bot.corpus.movement import minimum_jerk
 from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.rhythm import STRETCH, aligned, motion_beats
+from gesture_bot.matching.shaping import TEMPO
 
 BEATS = START + 30 + np.arange(0, 200, 5.4)
 """Beats of the speech [frames]."""
@@ -59,6 +61,11 @@ def test_the_rate_stays_within_the_stretch_and_changes_evenly():
             assert shown[0] == 0 and len(shown) == frames
             assert (np.abs(rates - 1) < STRETCH + 1e-9).all()
             assert np.allclose(np.diff(rates, n=2), 0)
+
+
+def test_the_fastest_window_ends_within_the_real_future():
+    last = SEQUENCE - WINDOW + (1 + STRETCH) * TEMPO[1] * (WINDOW - 1)
+    assert np.ceil(last) < SEQUENCE + LOOKAHEAD
 
 
 def shown_with_beats(controls=(), **options):
