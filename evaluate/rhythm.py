@@ -1,4 +1,4 @@
-"""Do the hands move on the beat of the speech: PMB (RG22, section 6.3 and figure 11), for any database."""
+"""Do the hands move on the beat of the speech: PMB (RG22, figure 11), for any database."""
 
 import csv
 from collections.abc import Iterable, Sequence

@@ -34,9 +34,9 @@ _WARPS = _WARPS[np.argsort(np.abs(_WARPS).sum(axis=1), kind="stable")]  # the pl
 
 
 def motion_beats(keypoints: np.ndarray) -> np.ndarray:
-    """When the hands brake hardest: the local minima of the change of their speed (RG22, section 6.3).
+    """When the hands brake hardest: the local minima of the change of their speed.
 
-    The speed is the mean of both wrists.
+    So RG22's "local minima of joint deceleration" are read here; the speed is the mean of both wrists.
 
     Args:
         keypoints: (n, 17, 3) consecutive frames [m].

@@ -1,4 +1,4 @@
-"""Beats of speech (RG22, section 4.1): onsets, thinned out where they are dense, and pseudo-beats in gaps."""
+"""Beats of speech (RG22): onsets, thinned out where they are dense, and pseudo-beats in gaps."""
 
 from collections import deque
 from dataclasses import dataclass
