@@ -24,6 +24,7 @@ from gesture_bot.refine.offline import refined_windows
 from gesture_bot.speech.activity import speech_activity
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
 from gesture_bot.speech.features import COEFFICIENTS, speech_features
+from gesture_bot.speech.streaming import speech_frames
 from gesture_bot.speech.voice import load_voice
 
 LENGTH = 600 * SAMPLE_RATE
@@ -42,11 +43,11 @@ LOUDER = 6.0
 def chosen(database: Database, samples: np.ndarray, normalised: bool) -> tuple[float, float]:
     """How widely the windows spread over the database's sequences [bit], and how far their sound is off."""
     heard = np.resize(samples, LENGTH)
-    features, speech = speech_features(heard), speech_activity(heard)
+    speech = speech_frames(heard)
     selector = Selector(database, {}, PLAIN)
     push = Speaker.push if normalised else lambda self, features, speech: features
     with patch.object(Speaker, "push", push):
-        windows = [window for window, _ in refined_windows(selector, features, speech, range(len(features)))]
+        windows = [window for window, _ in refined_windows(selector, speech, range(len(speech)))]
     spoken = [window for window in windows if window.source == "speech"]
     shares = np.unique([window.sequence for window in spoken], return_counts=True)[1] / len(spoken)
     return -float((shares * np.log2(shares)).sum()), float(

@@ -2,9 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -18,14 +16,9 @@ from gesture_bot.evaluate.control_table import (
     control_table,
     write_control_table,
 )
-from gesture_bot.evaluate.held_sentences import HELD_SENTENCES
-from gesture_bot.speech.activity import speech_activity
-from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
-from gesture_bot.speech.features import speech_features
-from gesture_bot.speech.voice import load_voice
-
-_PAUSE = 0.5
-"""Silence after each sentence or file [s]."""
+from gesture_bot.evaluate.held_sentences import held_speech, with_pauses
+from gesture_bot.speech.audio import load_audio
+from gesture_bot.speech.streaming import speech_frames
 
 _MM22 = {
     "high": ("22.2", "25.6 (3.4)", "23.4 (4.2)"),
@@ -56,9 +49,9 @@ def command(options: argparse.Namespace) -> int:
     Raises:
         GestureBotError: A file cannot be read or written, or holds no speech.
     """
-    samples = _speech(options.speech)
-    database = load_database(options.database)
-    rows = control_table(database, speech_features(samples), speech_activity(samples))
+    files = options.speech
+    samples = with_pauses(load_audio(file) for file in files) if files else held_speech()
+    rows = control_table(load_database(options.database), speech_frames(samples))
     console = Console(highlight=False, markup=False, width=_WIDTH)
     console.print(_table("Found by the search", rows, [row.found for row in rows], 1))
     console.print(_table("After refinement", rows, [row.refined for row in rows], 2))
@@ -72,17 +65,6 @@ def command(options: argparse.Namespace) -> int:
         write_control_table(options.output, rows)
         console.print(f"wrote {options.output}", soft_wrap=True)
     return 0
-
-
-def _speech(files: Sequence[Path]) -> np.ndarray:
-    """Samples of the files or, without any, of the held sentences."""
-    if files:
-        parts = [load_audio(file) for file in files]
-    else:
-        voice = load_voice("embedded")
-        parts = [voice.speak(sentence).samples for sentence in HELD_SENTENCES]
-    pause = np.zeros(round(_PAUSE * SAMPLE_RATE), np.float32)
-    return np.concatenate([samples for part in parts for samples in (part, pause)])
 
 
 def _table(title: str, rows: Sequence[Row], outcomes: Sequence[Outcome], mm22: int) -> Table:

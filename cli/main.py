@@ -129,6 +129,22 @@ def _parser() -> argparse.ArgumentParser:
     controls.add_argument("-o", "--output", type=Path, metavar="TABLE.csv", help="write the table, too")
     controls.set_defaults(module="evaluate_controls")
 
+    rhythm = measures.add_parser(
+        "rhythm",
+        help="do the hands move on the beats of the speech (RG22, figure 11)",
+        description="Make motion for speech with and without alignment to its beats, and count the hands' "
+        "beats that fall on beats of the speech (RG22, figure 11).",
+    )
+    rhythm.add_argument("--database", default="demo", metavar="FILE", help="database file (demo)")
+    rhythm.add_argument(
+        "--speech", nargs="+", type=Path, default=[], metavar="FILE",
+        help="sound files, or recordings of motion with sound (the embedded voice)",
+    )  # fmt: skip
+    rhythm.add_argument(
+        "-o", "--output", type=Path, metavar="OUT", help="write the curves: a picture, .png, or a table, .csv"
+    )
+    rhythm.set_defaults(module="evaluate_rhythm")
+
     bank = commands.add_parser("bank", help="look at the semantic gestures")
     actions = bank.add_subparsers(title="what", metavar="WHAT", required=True)
     preview = actions.add_parser(

@@ -1,6 +1,7 @@
 """The graph's motion for a sound file, without ROS and without waiting for the clock."""
 
 import argparse
+from collections.abc import Sequence
 
 import numpy as np
 from tqdm import tqdm
@@ -17,9 +18,8 @@ from gesture_bot.matching.selector import Selector
 from gesture_bot.refine.offline import LEAD_IN, refined_windows
 from gesture_bot.retarget.retargeter import Retargeter
 from gesture_bot.retarget.robot import load_robot
-from gesture_bot.speech.activity import speech_activity
 from gesture_bot.speech.audio import load_audio
-from gesture_bot.speech.features import speech_features
+from gesture_bot.speech.streaming import SpeechFrame, speech_frames
 
 FORMATS = (".bvh", ".csv", ".gif")
 
@@ -50,9 +50,7 @@ def command(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     selector.set_emotion(options.emotion)
-    keypoints, trajectory = motion(
-        speech_features(samples), speech_activity(samples), selector, Retargeter(robot)
-    )
+    keypoints, trajectory = motion(speech_frames(samples), selector, Retargeter(robot))
     if output.suffix == ".bvh":
         write_bvh(output, keypoints, FRAME_RATE)
     elif output.suffix == ".csv":
@@ -64,13 +62,12 @@ def command(options: argparse.Namespace) -> int:
 
 
 def motion(
-    features: np.ndarray, speech: np.ndarray, selector: Selector, retargeter: Retargeter
+    speech: Sequence[SpeechFrame], selector: Selector, retargeter: Retargeter
 ) -> tuple[np.ndarray, JointTrajectory]:
-    """Walk the features through search, refinement and retargeting, as the nodes do.
+    """Walk speech through search, refinement and retargeting, as the nodes do.
 
     Args:
-        features: (n, 28) speech features, 15 frames a second.
-        speech: (n,) bool: in which of these frames somebody speaks.
+        speech: Its frames; see speech/streaming.py.
         selector: Chooses windows; fresh.
         retargeter: Of the robot; fresh.
 
@@ -78,11 +75,11 @@ def motion(
         (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory, every
         20 ms, its times counted from there [s].
     """
-    stop = LEAD_IN + len(features) + LEAD_OUT
+    stop = LEAD_IN + len(speech) + LEAD_OUT
     frames: dict[int, np.ndarray] = {}
     points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False)
-    for _, clip in refined_windows(selector, features, speech, progress):
+    for _, clip in refined_windows(selector, speech, progress):
         frames.update(enumerate(clip.keypoints, clip.start))
         plan = retargeter.push(clip)
         ticks = np.rint(plan.times * 50).astype(int)

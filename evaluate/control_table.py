@@ -19,7 +19,8 @@ from gesture_bot.matching.emotions import Emotion
 from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.matching.search import eligible
 from gesture_bot.matching.selector import Selector
-from gesture_bot.refine.offline import LEAD_IN, refined_windows
+from gesture_bot.refine.offline import spoken_motion
+from gesture_bot.speech.streaming import SpeechFrame
 
 CONTROLS = {
     "high": Constraint("wrist_height", "at_least", 85, "left"),
@@ -149,20 +150,19 @@ class _Motion:
         return float(np.sqrt(keypoints[:, _WRISTS].var(axis=0).sum()))
 
 
-def control_table(database: Database, features: np.ndarray, speech: np.ndarray) -> list[Row]:
+def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row]:
     """Make motion for speech under each of CONTROLS and without any, and measure it.
 
     Args:
         database: Where the motion comes from.
-        features: (n, 28) features of the speech; see speech/features.py.
-        speech: (n,) bool: in which of these frames somebody speaks; see speech/activity.py.
+        speech: Its frames; see speech/streaming.py.
 
     Raises:
         InvalidValueError: There is no speech, or nothing moves to it.
     """
     selector = Selector(database, gestures={}, emotions=_PLAIN)
     controls, measured = Controls(database), measure(database)
-    free = _motion(selector, features, speech)
+    free = _motion(selector, speech)
     if free.reach(refined=False) == 0:
         raise InvalidValueError("no hand moves in the database: there is nothing to measure")
     rows = []
@@ -171,7 +171,7 @@ def control_table(database: Database, features: np.ndarray, speech: np.ndarray) 
         left = database.starts[sequences, None] + frames[:, None] + np.arange(WINDOW)
         selector = Selector(database, gestures={}, emotions=_PLAIN)
         selector.set_controls([constraint])
-        motion = _motion(selector, features, speech)
+        motion = _motion(selector, speech)
         rows.append(
             Row(
                 name=name,
@@ -187,22 +187,10 @@ def control_table(database: Database, features: np.ndarray, speech: np.ndarray) 
     return rows
 
 
-def _motion(selector: Selector, features: np.ndarray, speech: np.ndarray) -> _Motion:
-    """Walk the features through search and refinement, as the nodes do."""
-    refined: dict[int, np.ndarray] = {}
-    spoken: dict[int, bool] = {}
-    windows = []
-    for window, clip in refined_windows(selector, features, speech, range(LEAD_IN + len(features))):
-        refined.update(enumerate(clip.keypoints, clip.start))
-        spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
-        if window.source == "speech":
-            windows.append(window.keypoints)
-    if not windows:
-        raise InvalidValueError("there is no speech to make motion for")
-    frames = range(min(spoken), max(spoken) + 1)
-    return _Motion(
-        windows, np.stack([refined[frame] for frame in frames]), np.array([spoken[frame] for frame in frames])
-    )
+def _motion(selector: Selector, speech: Sequence[SpeechFrame]) -> _Motion:
+    """Walk speech through search and refinement, as the nodes do."""
+    motion = spoken_motion(selector, speech)
+    return _Motion([window.keypoints for window in motion.windows], motion.refined.keypoints, motion.spoken)
 
 
 def _values(constraint: Constraint, keypoints: np.ndarray) -> np.ndarray:

@@ -1,5 +1,15 @@
 """Sentences to measure with, none of which the demo corpus was made from."""
 
+from collections.abc import Iterable
+
+import numpy as np
+
+from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.voice import load_voice
+
+PAUSE = 0.5
+"""Silence after each sentence [s]."""
+
 HELD_SENTENCES = (
     "Good evening, and thank you for finding your way here in such weather.",
     "The new tram line runs from the harbour to the hospital every seven minutes.",
@@ -43,3 +53,15 @@ HELD_SENTENCES = (
     "Before we go home, each of us says one thing that went well today.",
 )
 """Two and a half minutes of everyday speech."""
+
+
+def held_speech() -> np.ndarray:
+    """Samples of all of them in the embedded voice, with pauses."""
+    voice = load_voice("embedded")
+    return with_pauses(voice.speak(sentence).samples for sentence in HELD_SENTENCES)
+
+
+def with_pauses(parts: Iterable[np.ndarray]) -> np.ndarray:
+    """Sounds one after another, with a PAUSE after each."""
+    pause = np.zeros(round(PAUSE * SAMPLE_RATE), np.float32)
+    return np.concatenate([samples for part in parts for samples in (part, pause)])

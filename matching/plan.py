@@ -1,6 +1,6 @@
 """What the selector has planned: windows one after another on the frame grid."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -24,7 +24,7 @@ class Window(KeypointClip):
         pose_distance: Of the search; see search.Match.
         audio_distance: Of the search.
         candidates: Sequences that the search chose from.
-        tempo: Frames of the recording that a frame shows; see shaping.py.
+        shown: (n,) what each frame shows [frames of the sequence from `frame` on]; empty without a sequence.
         amplitude: How far the arms of the last frame go from rest, against the recording.
         stroke: When the gesture's stroke is to be seen, at its word or later [s since the epoch]; NaN where
             there is none. The keyframe of the stroke is strokes.STROKE_LEAD earlier.
@@ -37,7 +37,7 @@ class Window(KeypointClip):
     pose_distance: float = 0.0
     audio_distance: float = 0.0
     candidates: int = 0
-    tempo: float = 1.0
+    shown: np.ndarray = field(default_factory=lambda: np.zeros(0))
     amplitude: float = 1.0
     stroke: float = np.nan
 

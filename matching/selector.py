@@ -1,18 +1,20 @@
 """The gesture selector: from speech features, keywords and controls to windows of motion, ahead of time."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after
-from gesture_bot.corpus.database import Database
+from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.matching.banks import Gesture
 from gesture_bot.matching.controls import Admission, Constraint, Controls, Demand, LabelConstraint
 from gesture_bot.matching.emotions import Emotion, find_emotion
 from gesture_bot.matching.features import AUDIO_OFFSETS
 from gesture_bot.matching.plan import Plan, Window
-from gesture_bot.matching.search import Preselection, Search, check_settings
+from gesture_bot.matching.rhythm import AFTER, BEFORE, STRETCH, aligned, motion_beats
+from gesture_bot.matching.search import Match, Preselection, Search, check_settings
 from gesture_bot.matching.settling import Settling, nearest, rest_pose, rest_poses
 from gesture_bot.matching.shaping import enlarged, played
 from gesture_bot.matching.speaker import Speaker, speech_statistics
@@ -61,6 +63,8 @@ class Selector:
         k: Each window is one of the k best matches, drawn evenly; 1 always takes the best.
         preselection: See Search.find.
         seed: Of that draw.
+        align_beats: Windows of speech are played so that the hands' beats fall on those of the speech, unless
+            a control bounds the speed of the wrists; see rhythm.py.
     """
 
     def __init__(
@@ -71,11 +75,13 @@ class Selector:
         k: int = 1,
         preselection: Preselection = "pose",
         seed: int = 0,
+        align_beats: bool = True,
     ) -> None:
         self._database, self._emotions = database, emotions
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
         self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
+        self._align_beats = align_beats
         self._rest, self._rest_poses = rest_pose(database), rest_poses(database)
 
         self._voice = speech_statistics(database)
@@ -84,6 +90,7 @@ class Selector:
         self._settling: Settling | None = None
         self._heard: dict[int, tuple[np.ndarray, bool]] = {}
         self._announced = self._last_heard = -WINDOW
+        self._beats: list[float] = []
         self._strokes = Strokes(gestures)
         self._cut: int | None = None
         self._late = 0
@@ -171,6 +178,19 @@ class Selector:
         if not live:
             self._announced = frame
 
+    def add_beat(self, moment: float) -> None:
+        """Take in a beat of the speech; see speech.beats.
+
+        Args:
+            moment: On the clock of the plan [s since the epoch].
+
+        Raises:
+            InvalidValueError: It is not finite.
+        """
+        if not math.isfinite(moment):
+            raise InvalidValueError("moment of a beat", moment, ["a finite number"])
+        self._beats.append(moment * FRAME_RATE)
+
     def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
         self._strokes.add(gesture, stroke, phrase)
@@ -188,6 +208,7 @@ class Selector:
         self._heard = {earlier: heard for earlier, heard in self._heard.items() if earlier < frame}
         self._hear(frame, *_SILENCE)
         self._announced = frame
+        self._beats = [beat for beat in self._beats if beat < frame]
         self._strokes.cut(moment)
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
@@ -214,6 +235,7 @@ class Selector:
         plan.forget(first_frame_after(now) - LATELY)
         oldest = soonest - 2 * WINDOW
         self._heard = {frame: heard for frame, heard in self._heard.items() if frame > oldest}
+        self._beats = [beat for beat in self._beats if beat > oldest]
         if self._cut is not None:
             plan.cut(max(self._cut, first_frame_after(now + CUT_REACT)))
             self._settling, self._cut = None, None
@@ -300,8 +322,8 @@ class Selector:
         """The window that goes on best from the last pose with the sound; None where nothing ever moves."""
         start, last = plan.end, plan.last
         if last.source == "speech":
-            shown = round(last.tempo * (len(last.keypoints) - 1))
-            pose = self._search.pose_at(self._search.row(last.sequence, last.frame + shown))
+            frame = last.frame + round(last.shown[len(last.keypoints) - 1])
+            pose = self._search.pose_at(self._search.row(last.sequence, frame))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
         sound = self._search.audio_of(self._sound(start))
@@ -315,7 +337,8 @@ class Selector:
             return None
         tempo, amplitude = self._shape(match.sequence)
         row = self._search.row(match.sequence, match.frame)
-        recorded = played(self._database.keypoints, row, frames, tempo)
+        shown = self._shown(match, start, frames, tempo)
+        recorded = played(self._database.keypoints, row + shown)
         # Another amplitude than that of the window before is reached within this one.
         amplitudes = np.linspace(last.amplitude, amplitude, frames + 1)[1:]
         return Window(
@@ -327,7 +350,7 @@ class Selector:
             pose_distance=match.pose_distance,
             audio_distance=match.audio_distance,
             candidates=match.candidates,
-            tempo=tempo,
+            shown=shown,
             amplitude=amplitude,
         )
 
@@ -339,6 +362,17 @@ class Selector:
             stop = min(stop, max(self._last_heard, start) + 1)
         frames = range(start, stop)
         return np.array([self._heard.get(frame, _SILENCE)[0] for frame in frames])
+
+    def _shown(self, match: Match, start: int, frames: int, tempo: float) -> np.ndarray:
+        """Which frames of the matched sequence a window shows, from the match on: (frames,)."""
+        beats = np.array(self._beats) - start
+        if not self._align_beats or any(bound.quantity == "wrist_speed" for bound in self._bounds):
+            beats = beats[:0]
+        first = max(0, match.frame - BEFORE)
+        stop = match.frame + math.ceil((1 + STRETCH) * tempo * frames) + AFTER
+        row = self._search.row(match.sequence, 0)
+        recorded = self._database.keypoints[row + first : row + min(stop, SEQUENCE + LOOKAHEAD)]
+        return aligned(motion_beats(recorded) + first - match.frame, beats, frames, tempo)
 
     def _shape(self, sequence: int) -> tuple[float, float]:
         """Tempo and amplitude at which a sequence is shown.

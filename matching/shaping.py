@@ -20,23 +20,21 @@ _ARMS = [
 ]
 
 
-def played(keypoints: np.ndarray, row: int, frames: int, tempo: float) -> np.ndarray:
-    """Frames of a recording at another tempo: (n, 17, 3) -> (frames, 17, 3) float64 [m].
+def played(keypoints: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Frames of a recording, also from between two of them: (m, 17, 3) -> (n, 17, 3) float64 [m].
 
     Poses between two frames have the bones of the earlier one.
 
     Args:
         keypoints: The recording.
-        row: Its row that is shown first.
-        frames: How many frames to show.
-        tempo: Rows from one frame to the next; see TEMPO.
+        rows: (n,) its rows that are shown, one after another; fractions lie between two.
     """
-    if tempo == 1:
-        return keypoints[row : row + frames].astype(np.float64)
-    rows = row + tempo * np.arange(frames)
     before = np.floor(rows).astype(np.int64)
     share = (rows - before)[:, None, None]
-    earlier, later = keypoints[before].astype(np.float64), keypoints[before + 1].astype(np.float64)
+    earlier = keypoints[before].astype(np.float64)
+    if not share.any():
+        return earlier
+    later = keypoints[before + 1].astype(np.float64)
     return with_bone_lengths(earlier + share * (later - earlier), bone_lengths(earlier))
 
 

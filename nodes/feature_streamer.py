@@ -1,4 +1,4 @@
-"""Sound in; a frame, one vector of speech features and whether somebody speaks out."""
+"""Sound in; out come, a frame, speech features, whether somebody speaks, and the beats of the speech."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import numpy as np
 from gesture_bot.base.frames import frame_time
 from gesture_bot.msg import Audio, Cut, SpeechFeatures
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds, stamp
+from gesture_bot.speech.beats import load_intervals
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.streaming import Packet, SpeechStream
 
@@ -16,6 +17,10 @@ class FeatureStreamer(GestureNode):
 
     def __init__(self, name: str = "feature_streamer", **options: Any):
         super().__init__(name, **options)
+        language = self.parameter(
+            "language", "en", "Code of the language that is spoken; its beats are those of config/beats.yaml"
+        )
+        self._intervals = load_intervals(language)
         self._streams: dict[str, SpeechStream] = {}
         self._cuts = Cuts()
         self._publisher = self.create_publisher(SpeechFeatures, "speech/features", STREAM)
@@ -28,7 +33,8 @@ class FeatureStreamer(GestureNode):
         source, moment = audio.header.frame_id, seconds(audio.header.stamp)
         if self._cuts.void(source, audio.utterance, moment):
             return
-        stream = self._streams.setdefault(source, SpeechStream())
+        if source not in self._streams:
+            self._streams[source] = SpeechStream(self._intervals)
         packet = Packet(
             audio.utterance,
             moment,
@@ -36,8 +42,9 @@ class FeatureStreamer(GestureNode):
             np.asarray(audio.samples, np.float32),
             audio.last,
         )
-        for frame in stream.push(packet, self.now()):
+        for frame in self._streams[source].push(packet, self.now()):
             message = SpeechFeatures(features=frame.features.astype(np.float32), speech=frame.speech)
+            message.beats = list(frame.beats)
             message.header.stamp = stamp(frame_time(frame.index))
             message.header.frame_id, message.utterance = source, audio.utterance
             self._publisher.publish(message)

@@ -43,6 +43,11 @@ class GestureSelector(GestureNode):
             "preselection", "pose", "What is searched first (MM22)", choices=get_args(Preselection)
         )
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
+        align_beats = self.parameter(
+            "align_beats",
+            True,
+            "Play the windows so that the hands' beats fall on those of the speech (RG22)",
+        )
         self._look_ahead = self.parameter(
             "look_ahead",
             0.8,
@@ -56,6 +61,7 @@ class GestureSelector(GestureNode):
             k=k,
             preselection=preselection,
             seed=seed,
+            align_beats=align_beats,
         )
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
@@ -96,6 +102,8 @@ class GestureSelector(GestureNode):
             return
         frame, features = round(seen * FRAME_RATE), np.asarray(message.features)
         self._selector.add_features(frame, features, message.speech, message.header.frame_id, live)
+        for beat in message.beats:
+            self._selector.add_beat(seen + beat)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):

@@ -7,10 +7,10 @@ loudness-normalised signal: periodic Hann window, power spectrum, Slaney's mel f
 import numpy as np
 from scipy.fft import dct, rfft
 
-from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.loudness import LoudnessNormaliser, decibels
+from gesture_bot.speech.windows import HOP, WINDOW_LENGTH, WindowStream
 
 COEFFICIENTS = 13
 """MFCC in a frame."""
@@ -20,12 +20,6 @@ STATIC = COEFFICIENTS + 1
 
 FEATURES = 2 * STATIC
 """Features in a frame; the derivatives are differences to the frame before, 0 in the first."""
-
-WINDOW_LENGTH = 400
-"""Samples in a window (25 ms)."""
-
-HOP = 160
-"""Samples from one window to the next (10 ms)."""
 
 MELS = 40
 """Mel filters, from 0 Hz to half the sample rate."""
@@ -66,11 +60,9 @@ class FeatureStream:
     """
 
     def __init__(self, loudness: LoudnessNormaliser | None = None) -> None:
-        self._loudness = loudness or LoudnessNormaliser()
-        self._loudness.begin()
+        self._stream = WindowStream(loudness)
         self._received = 0
         self._frame = 0
-        self._signal = np.zeros(0)
         self._windows = np.zeros((0, STATIC))
         self._last: np.ndarray | None = None
 
@@ -86,17 +78,9 @@ class FeatureStream:
         Raises:
             InvalidValueError: The samples are not one channel of finite numbers; the stream is as before.
         """
-        if np.ndim(samples) != 1:
-            raise InvalidValueError("samples are not one channel, shape", np.shape(samples))
-        if not np.isfinite(samples).all():
-            raise InvalidValueError("samples are not all finite numbers")
+        windows = self._stream.push(samples)
         self._received += len(samples)
-        self._signal = np.concatenate([self._signal, self._loudness.push(samples)])
-        count = max(0, 1 + (len(self._signal) - WINDOW_LENGTH) // HOP)
-        if count:
-            windows = np.lib.stride_tricks.sliding_window_view(self._signal, WINDOW_LENGTH)[::HOP]
-            self._windows = np.concatenate([self._windows, _window_features(windows)])
-            self._signal = self._signal[count * HOP :]
+        self._windows = np.concatenate([self._windows, _window_features(windows)])
         return self._complete_frames()
 
     def flush(self) -> np.ndarray:
@@ -124,9 +108,13 @@ def _first_window(frame: int) -> int:
 
 def _window_features(windows: np.ndarray) -> np.ndarray:
     """MFCC and mean energy of each window: (n, WINDOW_LENGTH) -> (n, STATIC)."""
-    power = np.abs(rfft(windows * _HANN)) ** 2
-    mfcc = dct(decibels(power @ _MEL_FILTERS.T, FLOOR), norm="ortho")[:, :COEFFICIENTS]
+    mfcc = dct(mel_decibels(windows), norm="ortho")[:, :COEFFICIENTS]
     return np.column_stack([mfcc, np.mean(windows**2, axis=1)])
+
+
+def mel_decibels(windows: np.ndarray) -> np.ndarray:
+    """Power of each window in each mel filter, at least FLOOR: (n, WINDOW_LENGTH) -> (n, MELS) [dB]."""
+    return decibels(np.abs(rfft(windows * _HANN)) ** 2 @ _MEL_FILTERS.T, FLOOR)
 
 
 def mel_filters() -> np.ndarray:

@@ -10,6 +10,7 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import first_frame_after, frame_time
 from gesture_bot.speech.activity import ActivityStream
 from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.beats import BeatStream, Intervals
 from gesture_bot.speech.features import FeatureStream
 from gesture_bot.speech.loudness import LoudnessNormaliser
 
@@ -27,6 +28,8 @@ CLIPPING = 0.002
 
 STALE = 1.1
 """Sound that ended so long ago moves nobody any more: the longest look-ahead [s]."""
+
+_PIECE = 60 * SAMPLE_RATE
 
 DEAD = 1.5
 """A source that has not ended and is silent for so long has trouble [s]."""
@@ -59,11 +62,28 @@ class SpeechFrame:
         index: On the frame grid.
         features: (28,); see features.py.
         speech: Whether somebody speaks; see activity.py.
+        beats: Beats of the speech that are known since the frame before, most of which lie before this one
+            [s from its beginning]; see beats.py.
     """
 
     index: int
     features: np.ndarray
     speech: bool
+    beats: tuple[float, ...] = ()
+
+
+def speech_frames(samples: np.ndarray, intervals: Intervals | None = None) -> list[SpeechFrame]:
+    """What is heard in a whole recording, (n,) samples at audio.SAMPLE_RATE, from frame 0 on.
+
+    Raises:
+        InvalidValueError: The samples are not all finite numbers.
+    """
+    stream, frames = SpeechStream(intervals), []
+    # The windows of a whole hour at once would be gigabytes.
+    for begin in range(0, len(samples), _PIECE):
+        piece, last = samples[begin : begin + _PIECE], begin + _PIECE >= len(samples)
+        frames += stream.push(Packet(1, begin / SAMPLE_RATE, SAMPLE_RATE, piece, last))
+    return frames
 
 
 class SpeechStream:
@@ -71,6 +91,9 @@ class SpeechStream:
 
     Lost packets are replaced by silence, late and doubled ones dropped; a change of the sample rate goes
     unheard.
+
+    Args:
+        intervals: From beat to beat; see beats.py.
 
     Attributes:
         lost: Silence filled in for packets that did not come [s].
@@ -80,12 +103,15 @@ class SpeechStream:
         until: End of what has come [s since the epoch]; None between utterances.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, intervals: Intervals | None = None) -> None:
+        self._intervals = intervals
         self.lost = self.late = self.clipped = 0.0
         self.rate = 0
         self.until: float | None = None
         self._utterance = 0
-        self._loudness, self._activity = LoudnessNormaliser(), ActivityStream()
+        # One for the features, and one for the beats: each takes in the sound for itself.
+        self._loudness = LoudnessNormaliser(), LoudnessNormaliser()
+        self._activity = ActivityStream()
         self._spoken: deque[bool] = deque()
         self._told = (0.0, 0.0, 0.0)
         self._changed = ""
@@ -130,7 +156,7 @@ class SpeechStream:
         self.until += len(samples) / packet.rate
         frames += self._frames(self._resampler.resample_chunk(samples, last=packet.last))
         if packet.last:
-            frames += self._heard(self._features.flush(), self._activity.flush())
+            frames += self._heard(self._features.flush(), self._activity.flush(), self._beats.flush())
             self.until = None
         return frames
 
@@ -165,7 +191,9 @@ class SpeechStream:
         # Sound from a microphone begins anywhere: what lies before the first whole frame is left out.
         self._skip = max(0, round((frame_time(self._frame) - packet.moment) * SAMPLE_RATE))
         self._resampler = soxr.ResampleStream(packet.rate, SAMPLE_RATE, 1, dtype="float32")
-        self._features = FeatureStream(self._loudness)
+        self._features = FeatureStream(self._loudness[0])
+        self._beats = BeatStream(self._intervals, self._loudness[1])
+        self._begun, self._known = self._frame, np.zeros(0)
         self._activity.flush()
         self._spoken.clear()
 
@@ -183,13 +211,19 @@ class SpeechStream:
         skipped = min(self._skip, len(samples))
         self._skip -= skipped
         samples = samples[skipped:]
-        return self._heard(self._features.push(samples), self._activity.push(samples))
+        return self._heard(
+            self._features.push(samples), self._activity.push(samples), self._beats.push(samples)
+        )
 
-    def _heard(self, features: np.ndarray, activity: np.ndarray) -> list[SpeechFrame]:
-        self._spoken.extend(activity)  # it is known a little earlier than the features
-        frames = [
-            SpeechFrame(index, vector, bool(self._spoken.popleft()))
-            for index, vector in enumerate(features, self._frame)
-        ]
-        self._frame += len(frames)
+    def _heard(self, features: np.ndarray, activity: np.ndarray, beats: np.ndarray) -> list[SpeechFrame]:
+        # Activity is known a little earlier than the features; most beats are known later.
+        self._spoken.extend(activity)
+        self._known = np.concatenate([self._known, beats])
+        frames = []
+        for vector in features:
+            since = frame_time(self._frame - self._begun)
+            known = tuple((self._known - since).tolist())
+            frames.append(SpeechFrame(self._frame, vector, bool(self._spoken.popleft()), known))
+            self._known = np.zeros(0)
+            self._frame += 1
         return frames

@@ -342,7 +342,7 @@ def test_motion_is_shown_as_recorded_where_it_has_the_emotion_or_a_control_bound
         ((speed,), UNLABELLED, (1.0, 1.0)),
     ):
         windows = spoken(shaped(1.5, 0.5, controls, database))
-        assert {(window.tempo, window.amplitude) for window in windows} == {shape}
+        assert {(window.shown[1], window.amplitude) for window in windows} == {shape}
 
 
 def test_what_cannot_be_is_relaxed_and_said():
