@@ -25,6 +25,7 @@ def test_features_and_activity_of_a_source_that_stays_quiet(listener):
     """The second utterance begins at the loudness that the first has ended with."""
     voice = load_voice("embedded").speak("Let us begin with the second one.").samples
     quiet = np.concatenate([np.zeros(SAMPLE_RATE, np.float32), voice * 10 ** (-24 / 20)])
+    expected = speech_activity(quiet)
     audio = listener.create_publisher(Audio, "speech/audio", STREAM)
     with running([str(EXECUTABLE)]):
         wait_until(audio.get_subscription_count, 30, "the streamer")
@@ -42,8 +43,7 @@ def test_features_and_activity_of_a_source_that_stays_quiet(listener):
                 message.last = begin + PIECE >= len(quiet)
                 audio.publish(message)
                 time.sleep(0.02)
-            expected = speech_activity(quiet)
-            wait_until(lambda wanted=len(expected): len(listener.record.features) >= wanted, 10, "each frame")
+            wait_until(lambda: len(listener.record.features) >= len(expected), 10, "each frame")
             heard = [heard.message for heard in listener.record.features]
             moments = [seconds(message.header.stamp) for message in heard]
             assert moments == pytest.approx(start + np.arange(len(expected)) / FRAME_RATE, abs=1e-6)
