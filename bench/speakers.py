@@ -41,7 +41,7 @@ LOUDER = 6.0
 
 
 def chosen(database: Database, samples: np.ndarray, normalised: bool) -> tuple[float, float]:
-    """How widely the windows spread over the database's sequences [bit], and how far their sound is off."""
+    """How widely the windows spread over the database's sequences [bit], and their audio distance."""
     heard = np.resize(samples, LENGTH)
     speech = speech_frames(heard)
     selector = Selector(database, {}, PLAIN)
@@ -50,9 +50,8 @@ def chosen(database: Database, samples: np.ndarray, normalised: bool) -> tuple[f
         windows = [window for window, _ in refined_windows(selector, speech, range(len(speech)))]
     spoken = [window for window in windows if window.source == "speech"]
     shares = np.unique([window.sequence for window in spoken], return_counts=True)[1] / len(spoken)
-    return -float((shares * np.log2(shares)).sum()), float(
-        np.mean([window.audio_distance for window in spoken])
-    )
+    distance = np.mean([window.audio_distance for window in spoken])
+    return -float((shares * np.log2(shares)).sum()), float(distance)
 
 
 def loudness_kept(database: Database, samples: np.ndarray) -> float:

@@ -22,10 +22,10 @@ SPEECH_RANGE = 20.0
 """A frame is speech where its level is less than this under that which one frame in a hundred passes [dB]."""
 
 SPEECH_MEAN = np.array([
-    -236.8, 55.8, 4.7, 11.7, -3.5, -0.4, -1.4, 1.1, -3.5, -5.2, -3.5, -4.0, -3.3, -28.2,
+    -237.0, 55.8, 4.7, 11.7, -3.5, -0.4, -1.4, 1.1, -3.5, -5.1, -3.5, -4.0, -3.3, -28.2,
 ])  # fmt: skip
 SPEECH_DEVIATION = np.array([
-    45.9, 36.8, 19.5, 15.8, 12.0, 8.0, 7.9, 7.0, 6.3, 5.5, 4.7, 6.0, 4.7, 7.0,
+    45.9, 36.7, 19.5, 15.8, 12.0, 8.0, 7.8, 7.0, 6.3, 5.5, 4.7, 6.0, 4.7, 7.0,
 ])  # fmt: skip
 """Mean and deviation of our 13 MFCC and log mean energy [dB] over speech.
 

@@ -14,7 +14,7 @@ from gesture_bot.matching.quantities import wrist_height, wrist_speed
 from gesture_bot.matching.search import ranks_of
 
 HALF_LIFE = 0.32
-"""After so long, half of the way to rest is left [s]."""
+"""After so long, about half of the way to rest is left [s]."""
 
 BREATH = 3.8
 """Seconds from one breath to the next."""

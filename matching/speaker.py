@@ -18,6 +18,9 @@ MEMORY = 900
 MOST_STRETCHED = 2.0
 """Deviations are brought to those of the database by no more than this factor, or its inverse."""
 
+FARTHEST = 10.0
+"""A frame counts as no further than this from the database's mean [its deviations]."""
+
 
 class Speaker:
     """Running mean and variance of a speaker's features over speech (Viikki and Laurila 1998).
@@ -47,9 +50,11 @@ class Speaker:
         static = features[:STATIC].astype(np.float64)
         if speech and static[COEFFICIENTS] > LEAST_SPEECH:
             self._weight = min(self._weight + 1, MEMORY)
-            before = static - self._mean
+            limit = FARTHEST * self._deviation
+            counted = np.clip(static, self._target - limit, self._target + limit)
+            before = counted - self._mean
             self._mean = self._mean + before / self._weight
-            change = before * (static - self._mean) - self._variance
+            change = before * (counted - self._mean) - self._variance
             self._variance = self._variance + change / self._weight
         stretch = self._deviation / np.sqrt(np.maximum(self._variance, 1e-12))
         stretch = np.clip(stretch, 1 / MOST_STRETCHED, MOST_STRETCHED)

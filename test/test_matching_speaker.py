@@ -57,6 +57,18 @@ def test_the_voice_of_the_database_stays_as_it_is(samples, statistics):
     assert difference.mean() < 0.15
 
 
+def test_one_absurd_frame_does_not_spoil_a_speaker(samples, statistics):
+    features, speech = speech_features(samples), speech_activity(samples)
+    speaker, spoilt = Speaker(*statistics), Speaker(*statistics)
+    spoilt.push(np.full(28, 1e30), True)
+    brought = [
+        [who.push(frame, spoken) for frame, spoken in zip(features, speech, strict=True)]
+        for who in (speaker, spoilt)
+    ]
+    difference = np.abs(np.subtract(*brought))[-150:, :STATIC] / statistics[1]
+    assert difference.mean() < 0.2
+
+
 def test_silence_stays_silence(samples, statistics):
     _, brought, _ = heard(np.concatenate([soxr.resample(samples, 4, 5), np.zeros(SAMPLE_RATE)]), statistics)
     np.testing.assert_allclose(brought[-10:], np.tile(SILENCE_FEATURES, (10, 1)), atol=1e-4)
