@@ -28,7 +28,9 @@ def test_the_streamer_tells_the_beats_of_the_sound(listener, language, intervals
         audio = listener.create_publisher(Audio, "speech/audio", STREAM)
 
         def try_it():
-            audio.publish(Audio(sample_rate=SAMPLE_RATE, samples=[0.0] * 1600, last=True))
+            message = Audio(sample_rate=SAMPLE_RATE, samples=[0.0] * 1600, last=True)
+            message.header.stamp = stamp(listener.now())
+            audio.publish(message)
             return listener.record.features
 
         # Sound and features are best effort: until all are connected, some is lost.
@@ -65,7 +67,7 @@ def test_the_selector_moves_on_the_beats_it_is_told(listener, tmp_path, align):
         for frame in range(first, first + 90):
             vector = np.random.default_rng(frame - first).normal(size=28).astype(np.float32)
             vector[13] = -20.0
-            message = SpeechFeatures(features=vector)
+            message = SpeechFeatures(features=vector, speech=True)
             message.header.stamp = stamp(frame_time(frame))
             message.beats = [0.03] if frame % 5 == 0 else []
             features.publish(message)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import running, wait_until
 
-from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.base.frames import FRAME_RATE, first_frame_after, frame_time
 from gesture_bot.msg import Audio
 from gesture_bot.nodes.node import STREAM, seconds, stamp
 from gesture_bot.speech.activity import speech_activity
@@ -32,7 +32,8 @@ def test_features_and_activity_of_a_source_that_stays_quiet(listener):
         wait_until(lambda: listener.count_publishers("speech/features"), 10, "features")
         time.sleep(0.5)
         energies = []
-        for number, start in enumerate((1000.0, 1010.0)):
+        now = frame_time(first_frame_after(listener.now()))
+        for number, start in enumerate((now, now + 10.0)):
             listener.record.features.clear()
             for begin in range(0, len(quiet), PIECE):
                 message = Audio(
