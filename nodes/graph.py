@@ -26,8 +26,10 @@ class GraphNode:
 
 ARGUMENTS = (
     Argument("speech", "say", "What is heard: 'say' (text on the topic `say`), or a sound file to play once"),
-    Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
-    Argument("voice", "embedded", "Voice that speaks text"),
+    Argument("text", "", "Text to speak once, or what is said in the sound file; the graph ends behind it"),
+    Argument(
+        "voice", "embedded", "Voice that speaks text: embedded, or of the extra espeak, espeak:LANGUAGE"
+    ),
     Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
     Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
@@ -40,7 +42,7 @@ ARGUMENTS = (
 NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
 
 NODES = (
-    GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
+    GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice", "emotion")),
     GraphNode("feature_streamer", "FeatureStreamer", ()),
     GraphNode("keyword_spotter", "KeywordSpotter", ("banks",)),
     GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),
