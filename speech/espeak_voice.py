@@ -4,8 +4,10 @@ espeak-ng is GPL-3. It comes with the extra `espeak` (the wheel espeakng-loader)
 """
 
 import ctypes
+from _ctypes import dlclose
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import count, takewhile
@@ -53,11 +55,11 @@ class EspeakVoice:
     """
 
     def __init__(self, language: str = "en") -> None:
-        known = _espeak().languages
+        known = _languages()
         if language not in known:
             valid = [*sorted(code for code in known if "-" not in code), "en-us and other variants"]
             raise InvalidValueError("espeak-ng has no such language", language, valid)
-        self._language = language
+        self._file = known[language]
 
     def speak(self, text: str, manner: Manner = PLAIN) -> Utterance:
         """Speak a text of any length.
@@ -68,7 +70,7 @@ class EspeakVoice:
         Raises:
             InvalidValueError: The text holds nothing that can be spoken.
         """
-        samples, events = _espeak().synthesize(text, self._language, manner)
+        samples, events = _synthesize(text, self._file, manner)
         words = _words(text, events)
         if not words:
             raise InvalidValueError("the text holds nothing that can be spoken", text)
@@ -118,78 +120,15 @@ _CALLBACK = ctypes.CFUNCTYPE(
 )
 
 
-class _Espeak:
-    """The library. It has one state for the whole process and is not thread safe, hence the lock."""
-
-    def __init__(self, library: Any, data: str) -> None:
-        self._library, self._lock = library, Lock()
-        options = _PHONEME_EVENTS | _IPA | _DONT_EXIT
-        self._rate = library.espeak_Initialize(_SYNCHRONOUS, _MILLISECONDS, data.encode(), options)
-        if self._rate <= 0:
-            raise GestureBotError(f"espeak-ng cannot be started with its data in {data}")
-        self._samples: list[np.ndarray] = []
-        self._events: list[tuple[int, int, int, str]] = []
-        self._callback = _CALLBACK(self._collect)  # held, since the library calls it
-        library.espeak_SetSynthCallback(self._callback)
-        self.languages = self._list_languages()
-
-    def synthesize(self, text: str, language: str, manner: Manner) -> tuple[np.ndarray, list[_Event]]:
-        """(n,) float32 at SAMPLE_RATE, and what was said in them, in order."""
-        tone = np.clip(1 + STIFFNESS * (manner.pitch - 1), *TONES)
-        parameters = {
-            _RATE: WORDS_PER_MINUTE * manner.speed,
-            _PITCH: 50 + 50 * np.log2(tone),
-            _RANGE: 50 * tone,
-        }
-        plain = text.replace("\0", " ").encode(errors="replace")
-        with self._lock:
-            self._samples, self._events = [np.zeros(0, np.int16)], []
-            self._library.espeak_SetVoiceByName(self.languages[language])
-            for parameter, value in parameters.items():
-                self._library.espeak_SetParameter(parameter, round(value), 0)
-            self._library.espeak_Synth(plain, len(plain) + 1, 0, _CHARACTERS, 0, _UTF8, None, None)
-            samples, events = np.concatenate(self._samples), self._events
-        ends = [sample for _, _, sample, _ in events[1:]] + [len(samples)]
-        said: list[_Event] = []
-        for (kind, position, sample, ipa), end in zip(events, ends, strict=True):
-            if kind == _WORD_EVENT:
-                said.append(_Event(position - 1, []))
-            elif said:
-                said[-1].sounds.append(_Sound(ipa, sample / self._rate, end / self._rate))
-        return soxr.resample(samples.astype(np.float32) / 2**15, self._rate, SAMPLE_RATE), said
-
-    def _collect(self, samples: Any, length: int, events: Any) -> int:
-        if length > 0:
-            self._samples.append(np.ctypeslib.as_array(samples, (length,)).copy())
-        for event in _until(events, lambda event: event.type == 0):
-            if event.type in (_WORD_EVENT, _PHONEME_EVENT):
-                ipa = event.id.string.decode(errors="ignore") if event.type == _PHONEME_EVENT else ""
-                self._events.append((event.type, event.text_position, event.sample, ipa))
-        return 0
-
-    def _list_languages(self) -> dict[str, bytes]:
-        """Each code, and the file of the voice that speaks it best."""
-        self._library.espeak_ListVoices.restype = ctypes.POINTER(ctypes.POINTER(_RawVoice))
-        found: dict[str, tuple[int, bytes]] = {}
-        for voice in _until(self._library.espeak_ListVoices(None), lambda voice: not voice):
-            # A priority, where less is better, and a code that ends with a zero, again and again.
-            place = voice.contents.languages
-            while priority := ctypes.string_at(place, 1)[0]:
-                code = ctypes.string_at(place + 1)
-                place += len(code) + 2
-                one = priority, voice.contents.identifier
-                found[code.decode()] = min(one, found.get(code.decode(), one))
-        return {code: identifier for code, (_, identifier) in found.items()}
+_LOCK = Lock()
 
 
-def _until(array: Any, ended: Callable[[Any], bool]) -> Iterator[Any]:
-    """The elements of a C array before the one that ends it."""
-    return takewhile(lambda one: not ended(one), (array[i] for i in count()))
+@contextmanager
+def _espeak() -> Iterator[tuple[Any, int]]:
+    """The library as if just started, and its sample rate, for one thread at a time.
 
-
-@cache
-def _espeak() -> _Espeak:
-    """The library, loaded once.
+    It has one state for the whole process, and keeps parts of it even when it is initialised again, so that
+    the same text would sound otherwise the next time. Hence it is loaded anew (5 ms).
 
     Raises:
         GestureBotError: It is not installed.
@@ -200,8 +139,79 @@ def _espeak() -> _Espeak:
         raise GestureBotError(
             "the voice espeak needs espeak-ng: pip install espeakng-loader (the extra `espeak`; GPL-3)"
         ) from error
-    library = ctypes.CDLL(espeakng_loader.get_library_path())
-    return _Espeak(library, espeakng_loader.get_data_path())
+    data = espeakng_loader.get_data_path()
+    with _LOCK:
+        library = ctypes.CDLL(espeakng_loader.get_library_path())
+        try:
+            options = _PHONEME_EVENTS | _IPA | _DONT_EXIT
+            rate = library.espeak_Initialize(_SYNCHRONOUS, _MILLISECONDS, data.encode(), options)
+            if rate <= 0:
+                raise GestureBotError(f"espeak-ng cannot be started with its data in {data}")
+            yield library, rate
+            library.espeak_Terminate()
+        finally:
+            dlclose(library._handle)
+
+
+@cache
+def _languages() -> dict[str, bytes]:
+    """Each code, and the file of the voice that speaks it best."""
+    found: dict[str, tuple[int, bytes]] = {}
+    with _espeak() as (library, _):
+        library.espeak_ListVoices.restype = ctypes.POINTER(ctypes.POINTER(_RawVoice))
+        for voice in _until(library.espeak_ListVoices(None), lambda voice: not voice):
+            # A priority, where less is better, and a code that ends with a zero, again and again.
+            place = voice.contents.languages
+            while priority := ctypes.string_at(place, 1)[0]:
+                code = ctypes.string_at(place + 1)
+                place += len(code) + 2
+                one = priority, voice.contents.identifier
+                found[code.decode()] = min(one, found.get(code.decode(), one))
+    return {code: file for code, (_, file) in found.items()}
+
+
+def _synthesize(text: str, file: bytes, manner: Manner) -> tuple[np.ndarray, list[_Event]]:
+    """(n,) float32 at SAMPLE_RATE, and what is said in them, in order."""
+    parts = [np.zeros(0, np.int16)]
+    raw: list[tuple[int, int, int, str]] = []
+
+    @_CALLBACK
+    def collect(samples: Any, length: int, events: Any) -> int:
+        if length > 0:
+            parts.append(np.ctypeslib.as_array(samples, (length,)).copy())
+        for event in _until(events, lambda event: event.type == 0):
+            if event.type in (_WORD_EVENT, _PHONEME_EVENT):
+                ipa = event.id.string.decode(errors="ignore") if event.type == _PHONEME_EVENT else ""
+                raw.append((event.type, event.text_position, event.sample, ipa))
+        return 0
+
+    tone = np.clip(1 + STIFFNESS * (manner.pitch - 1), *TONES)
+    parameters = {
+        _RATE: WORDS_PER_MINUTE * manner.speed,
+        _PITCH: 50 + 50 * np.log2(tone),
+        _RANGE: 50 * tone,
+    }
+    plain = text.replace("\0", " ").encode(errors="replace")
+    with _espeak() as (library, rate):
+        library.espeak_SetSynthCallback(collect)
+        library.espeak_SetVoiceByName(file)
+        for parameter, value in parameters.items():
+            library.espeak_SetParameter(parameter, round(value), 0)
+        library.espeak_Synth(plain, len(plain) + 1, 0, _CHARACTERS, 0, _UTF8, None, None)
+    samples = np.concatenate(parts)
+    ends = [sample for _, _, sample, _ in raw[1:]] + [len(samples)]
+    said: list[_Event] = []
+    for (kind, position, sample, ipa), end in zip(raw, ends[: len(raw)], strict=True):
+        if kind == _WORD_EVENT:
+            said.append(_Event(position - 1, []))
+        elif said:
+            said[-1].sounds.append(_Sound(ipa, sample / rate, end / rate))
+    return soxr.resample(samples.astype(np.float32) / 2**15, rate, SAMPLE_RATE), said
+
+
+def _until(array: Any, ended: Callable[[Any], bool]) -> Iterator[Any]:
+    """The elements of a C array before the one that ends it."""
+    return takewhile(lambda one: not ended(one), (array[i] for i in count()))
 
 
 def _words(text: str, events: Sequence[_Event]) -> tuple[Word, ...]:

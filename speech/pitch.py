@@ -24,15 +24,24 @@ def repitched(
         f0: (frames,) [Hz].
         pitch: Factor of f0.
     """
-    magnitude, phase, f0 = magnitude.copy(), phase.copy(), f0.copy()
-    bins = np.arange(len(magnitude))
-    for frame in np.flatnonzero(f0 > UNVOICED):
-        harmonics = np.arange(f0[frame] / _BIN, bins[-1], f0[frame] / _BIN)
-        nearest = harmonics.round().astype(int)
-        turns = np.exp(1j * np.pi * np.tanh(phase[nearest, frame]))
-        # A higher voice has fewer harmonics; each is stronger, so that all together are as strong as before.
-        magnitude[:, frame] = np.interp(bins, harmonics, magnitude[nearest, frame]) + np.log(pitch) / 2
-        part_of_pi = np.angle(np.interp(bins, harmonics, turns)) / np.pi
-        phase[:, frame] = np.arctanh(np.clip(part_of_pi, -0.9999, 0.9999))
-        f0[frame] = max(f0[frame] * pitch, UNVOICED + 1)
-    return magnitude, phase, f0
+    voiced = f0 > UNVOICED
+    spacing = f0[voiced] / _BIN
+    highest = np.floor((len(magnitude) - 1) / spacing)
+    place = np.arange(len(magnitude), dtype=np.float32)[:, None] / spacing
+    below = np.clip(np.floor(place), 1, highest)
+    share = np.clip(place - below, 0, 1)
+    low = np.rint(below * spacing).astype(np.intp)
+    high = np.rint(np.minimum(below + 1, highest) * spacing).astype(np.intp)
+
+    def between_harmonics(values: np.ndarray) -> np.ndarray:
+        start = np.take_along_axis(values, low, axis=0)
+        return start + share * (np.take_along_axis(values, high, axis=0) - start)
+
+    magnitude, phase = magnitude.copy(), phase.copy()
+    # A higher voice has fewer harmonics; each is stronger, so that all together are as strong as before.
+    gain = np.float32(np.log(pitch) / 2)
+    magnitude[:, voiced] = between_harmonics(magnitude[:, voiced]) + gain
+    angle = np.float32(np.pi) * np.tanh(phase[:, voiced])
+    angle = np.arctan2(between_harmonics(np.sin(angle)), between_harmonics(np.cos(angle)))
+    phase[:, voiced] = np.arctanh(np.clip(angle / np.float32(np.pi), -0.9999, 0.9999))
+    return magnitude, phase, np.where(voiced, np.maximum(f0 * np.float32(pitch), UNVOICED + 1), f0)
