@@ -14,8 +14,8 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.speech.alignment import align
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.loudness import amplified
-from gesture_bot.speech.pitch import repitched
 from gesture_bot.speech.pronunciation import Span, read, sentences
+from gesture_bot.speech.prosody import repitched, stretched
 from gesture_bot.speech.voice import PLAIN, Manner, Utterance, Word
 
 DURATIONS = "/Clip_output_0"
@@ -62,23 +62,28 @@ class EmbeddedVoice:
                 start = sum(map(len, parts)) / SAMPLE_RATE
                 samples, edges = self._synthesize(symbols, manner)
                 parts.append(samples)
-                words += (_timed(word, span, symbols, start + edges) for word, span in spoken if len(edges))
+                words += (_timed(word, span, symbols, start + edges) for word, span in spoken)
         if not parts:
             raise InvalidValueError("the text holds nothing that can be spoken", text)
         samples = np.concatenate(parts)
         return Utterance(samples, tuple(words) if self._times else align(samples, text))
 
     def _synthesize(self, symbols: str, manner: Manner) -> tuple[np.ndarray, np.ndarray]:
-        """Samples at SAMPLE_RATE, and the (len(symbols) + 1,) moments between the symbols [s], if known."""
-        inputs = {"ids": np.array([self._hibari.ids(symbols)]), "speed": np.array([manner.speed], np.float32)}
+        """Samples at SAMPLE_RATE, and the (len(symbols) + 1,) moments between the symbols [s].
+
+        All moments are 0 where the model does not give them.
+        """
+        inputs = {"ids": np.array([self._hibari.ids(symbols)]), "speed": np.ones(1, np.float32)}
         outputs = self._hibari.sess.run(None, inputs)
-        magnitude, phase, *noise, f0 = (part[0] for part in outputs[:6])
+        spectrum = [part[0] for part in outputs[:6]]
+        if manner.speed != 1:
+            spectrum = stretched(spectrum, manner.speed)
         if manner.pitch != 1:
-            magnitude, phase, f0 = repitched(magnitude, phase, f0, manner.pitch)
-        sound = dsp.synth(magnitude, phase, *noise, f0, np.random.default_rng(0))
+            spectrum = repitched(spectrum, manner.pitch)
+        sound = dsp.synth(*spectrum, np.random.default_rng(0))
         samples = amplified(soxr.resample(sound, HIBARI_RATE, SAMPLE_RATE), manner.energy)
         if not self._times:
-            return samples, np.zeros(0)
+            return samples, np.zeros(len(symbols) + 1)
         durations = outputs[6]
         frame = len(sound) / durations.sum() / HIBARI_RATE
         # The first and the last symbol of the model's input are padding around ours.

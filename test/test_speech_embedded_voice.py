@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
-from gesture_bot.speech import embedded_voice, espeak_voice
+from gesture_bot.speech import embedded_voice, espeak
+from gesture_bot.speech.alignment import align
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import Manner, load_voice
 
@@ -100,11 +101,17 @@ def test_same_text_same_samples(voice, utterance):
     assert again.words == utterance.words == voice.speak(TEXT).words
 
 
-def test_speed_shortens(voice, utterance):
-    fast = voice.speak(TEXT, Manner(speed=1.6))
-    assert_times_fit(fast)
-    assert written(fast) == written(utterance)
-    assert fast.words[-1].end == pytest.approx(utterance.words[-1].end / 1.6, rel=0.15)
+@pytest.mark.parametrize("speed", [0.6, 1.1, 1.8])
+def test_speed_shortens_everything_alike(voice, utterance, speed):
+    other = voice.speak(TEXT, Manner(speed=speed))
+    assert_times_fit(other)
+    assert written(other) == written(utterance)
+    for word, plain in zip(other.words, utterance.words, strict=True):
+        assert word.stress == pytest.approx(plain.stress / speed, abs=0.02)
+    aligned = align(other.samples, TEXT)
+    assert np.median([abs(a.start - w.start) for a, w in zip(aligned, other.words, strict=True)]) < 0.05
+    assert rms(other) == pytest.approx(rms(utterance), rel=0.2)
+    assert fundamental(other) == pytest.approx(fundamental(utterance), rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -199,6 +206,6 @@ def test_a_model_without_durations_has_its_words_aligned(monkeypatch, caplog, ut
 
 def test_a_voice_whose_extra_is_missing_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "espeakng_loader", None)
-    monkeypatch.setattr(espeak_voice, "_languages", espeak_voice._languages.__wrapped__)  # without its cache
+    monkeypatch.setattr(espeak, "languages", espeak.languages.__wrapped__)  # without its cache
     with pytest.raises(GestureBotError, match="pip install espeakng-loader"):
         load_voice("espeak")

@@ -52,7 +52,7 @@ def assert_times_fit(utterance):
         ("en", TEXT, [word.strip(",.!") for word in TEXT.split()]),
         ("en", "I am Dr. Smith, in 2024.", ["I", "am", "Dr", "Smith", "in", "2024"]),
         ("en", "It costs $3.50 - or 25% more!", ["It", "costs", "3.50", "or", "25", "more"]),
-        ("en", "He read it—\"It's well-known\" & (done)...", ["He", "read", "it", "It's", "well-known", "done"]),
+        ("en", "He read it—\"It's well-known\" & ...", ["He", "read", "it", "It's", "well-known"]),
         ("en", "\N{GRINNING FACE} hello\0\ud800 \r\n\n you", ["hello", "you"]),
         ("de", "Tag, Herr Dr. Müller. Es ist 10:30!", ["Tag", "Herr", "Dr", "Müller", "Es", "ist", "10:30"]),
         ("ru", "Привет, мир! Сегодня 25 лет.", ["Привет", "мир", "Сегодня", "25", "лет"]),
