@@ -24,7 +24,7 @@ from gesture_bot.corpus.styles import Style, varied
 from gesture_bot.corpus.synthesis import gesture
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import speech_features
-from gesture_bot.speech.voice import Voice, Word, load_voice
+from gesture_bot.speech.voice import Manner, Voice, Word, load_voice
 
 ROUNDS = 2
 """How often every sentence is said, each time in another recording and another variant of its style."""
@@ -34,6 +34,9 @@ TOGETHER = (3, 4, 5)
 
 IDLE = 12.0
 """Length of the silent recording of each emotion [s]."""
+
+NUANCE = (-0.05, -0.06, -0.2), (0.05, 0.06, 0.2)
+"""How far the sentences of one recording differ in speed, pitch and energy [octaves]: 4 %, 4 % and 1.2 dB."""
 
 UNSTRESSED = frozenset([
     "a", "about", "am", "an", "and", "are", "as", "at", "be", "been", "before", "but", "by", "can",
@@ -147,12 +150,17 @@ def _speak(voice: Voice, take: _Take, generator: np.random.Generator) -> tuple[n
     said = [_silence(generator.uniform(0.5, 1.0))]
     stresses = []
     for sentence in take.sentences:
-        utterance = voice.speak(sentence, take.style.voice)
+        utterance = voice.speak(sentence, take.style.voice.times(_nuance(generator)))
         begin = sum(map(len, said)) / SAMPLE_RATE
         stresses.append([begin + word.stress for word in utterance.words if _carries_stroke(word)])
-        said += [utterance.samples, _silence(generator.uniform(0.3, 0.8) / take.style.voice)]
+        said += [utterance.samples, _silence(generator.uniform(0.3, 0.8) / take.style.voice.speed)]
     said.append(_silence(generator.uniform(1.0, 3.0)))
     return np.concatenate(said), stresses
+
+
+def _nuance(generator: np.random.Generator) -> Manner:
+    """How one sentence differs from the next."""
+    return Manner(*(float(factor) for factor in 2 ** generator.uniform(*NUANCE)))
 
 
 def _silence(seconds: float) -> np.ndarray:

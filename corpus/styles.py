@@ -1,13 +1,16 @@
-"""How an emotion moves: size, height, width, speed and rhythm of gestures, and the carriage of the body.
+"""How an emotion moves and speaks: size, place, tempo and rhythm of gestures, carriage of the body, voice.
 
 Sad and bored people move little, low and slowly; joy is high and wide; anger is fast, large, abrupt and
 forward. That emotions differ in the amount, the extent and the force of movement is Wallbott's finding
-(Bodily expression of emotion, 1998); the numbers are ours.
+(Bodily expression of emotion, 1998); how their voices differ, Scherer's (Vocal communication of emotion,
+2003). The numbers are ours.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from gesture_bot.speech.voice import Manner
 
 
 @dataclass(frozen=True)
@@ -15,7 +18,7 @@ class Style:
     """Parameters of one speaker's motion in one mood.
 
     Attributes:
-        voice: Speed of the voice, 1 as recorded.
+        voice: How it speaks.
         size: Scale of every stroke's path.
         height: Of the centre of gesture space over the pelvis [m].
         width: How far outward it is [m].
@@ -34,7 +37,7 @@ class Style:
         forms: Name and weight of the forms used.
     """
 
-    voice: float
+    voice: Manner
     size: float
     height: float
     width: float
@@ -57,7 +60,7 @@ class Style:
 
 STYLES = {
     "neutral": Style(
-        voice=1.0,
+        voice=Manner(),
         size=0.95,
         height=0.24,
         width=0.2,
@@ -87,7 +90,7 @@ STYLES = {
         },
     ),
     "happy": Style(
-        voice=1.08,
+        voice=Manner(speed=1.08, pitch=1.08, energy=1.1),
         size=1.2,
         height=0.32,
         width=0.24,
@@ -108,7 +111,7 @@ STYLES = {
         forms={"open": 4, "rise": 3, "offer": 3, "sweep": 2, "circle": 2, "self": 1, "beat": 1},
     ),
     "excited": Style(
-        voice=1.18,
+        voice=Manner(speed=1.18, pitch=1.12, energy=1.3),
         size=1.3,
         height=0.33,
         width=0.23,
@@ -129,7 +132,7 @@ STYLES = {
         forms={"open": 3, "rise": 3, "point": 2, "circle": 3, "beat": 3, "sweep": 2, "lateral": 1},
     ),
     "surprised": Style(
-        voice=1.06,
+        voice=Manner(speed=1.06, pitch=1.12, energy=1.1),
         size=1.15,
         height=0.33,
         width=0.22,
@@ -150,7 +153,7 @@ STYLES = {
         forms={"open": 4, "rise": 4, "self": 2, "push": 2, "offer": 2},
     ),
     "angry": Style(
-        voice=1.12,
+        voice=Manner(speed=1.12, pitch=1.05, energy=1.35),
         size=1.3,
         height=0.29,
         width=0.2,
@@ -171,7 +174,7 @@ STYLES = {
         forms={"chop": 5, "point": 3, "push": 3, "beat": 3, "sweep": 2, "lateral": 1},
     ),
     "sad": Style(
-        voice=0.86,
+        voice=Manner(speed=0.86, pitch=0.94, energy=0.75),
         size=0.5,
         height=0.12,
         width=0.14,
@@ -192,7 +195,7 @@ STYLES = {
         forms={"offer": 4, "self": 2, "beat": 2, "lateral": 1, "close": 1, "rise": 1},
     ),
     "bored": Style(
-        voice=0.92,
+        voice=Manner(speed=0.92, pitch=0.95, energy=0.8),
         size=0.6,
         height=0.13,
         width=0.22,
@@ -215,6 +218,9 @@ STYLES = {
 }
 """Style of each emotion: labels of hri_msgs/Expression."""
 
+PITCHES, LEVELS = (0.86, 1.16), (-6.0, 2.0)
+"""How far the voices of one emotion differ: factor of the pitch, and level [dB]."""
+
 HANGING, FOLDED = np.array([0.08, 0.21, -0.04]), np.array([0.23, 0.08, 0.09])
 """Two ways to rest the hands, between which people differ: wrist as in Style.rest [m]."""
 
@@ -223,10 +229,11 @@ def varied(emotion: str, count: int, seed: int) -> list[Style]:
     """As many styles of one emotion, spread evenly over what it allows.
 
     Low and high, small and large, slow and fast, narrow and wide, one-handed and two-handed variants of every
-    emotion are what the motion controls choose from.
+    emotion are what the motion controls choose from. With low and high, soft and loud voices, what is
+    chosen hangs less on one voice.
     """
     generator = np.random.default_rng([seed, list(STYLES).index(emotion)])
-    ranks = np.stack([generator.permutation(count) for _ in range(7)], axis=1)
+    ranks = np.stack([generator.permutation(count) for _ in range(9)], axis=1)
     return [_variant(STYLES[emotion], *row) for row in (ranks + 0.5) / count]
 
 
@@ -239,13 +246,21 @@ def _variant(
     both: float,
     even: float,
     rest: float,
+    pitch: float,
+    level: float,
 ) -> Style:
     """One variant; each argument from 0 to 1."""
     pace = 1.25 - 0.45 * tempo
     towards = FOLDED if rest > 0.5 else HANGING
     return replace(
         style,
-        voice=style.voice * (0.95 + 0.1 * tempo),
+        voice=style.voice.times(
+            Manner(
+                speed=0.95 + 0.1 * tempo,
+                pitch=PITCHES[0] * (PITCHES[1] / PITCHES[0]) ** pitch,
+                energy=10 ** ((LEVELS[0] + (LEVELS[1] - LEVELS[0]) * level) / 20),
+            )
+        ),
         size=style.size * (0.70 + 0.65 * size),
         height=style.height - 0.11 + 0.23 * height,
         width=style.width - 0.07 + 0.16 * width,

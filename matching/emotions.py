@@ -1,4 +1,4 @@
-"""Emotions as motion: the labels of hri_msgs/Expression, and what each does to the motion."""
+"""Emotions: the labels of hri_msgs/Expression, and what each does to the motion and to the voice."""
 
 import math
 from collections.abc import Mapping
@@ -13,13 +13,14 @@ from gesture_bot.base.files import config_dir, read_yaml
 from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.expressions import LABELS, Label
 from gesture_bot.matching.shaping import AMPLITUDE, TEMPO
+from gesture_bot.speech.voice import PLAIN, Manner
 
 Coordinate = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
 class Emotion:
-    """How an emotion moves.
+    """How an emotion moves and speaks.
 
     Attributes:
         name: Label of hri_msgs/Expression.
@@ -29,6 +30,7 @@ class Emotion:
         constraints: Controls that bring it out in any motion.
         tempo: How fast it makes gestures of the banks, and recorded motion of other emotions; 1 as it is.
         amplitude: How far it makes the hands go from rest in these; 1 as they do.
+        voice: The manner in which it speaks.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Emotion:
     constraints: tuple[Constraint, ...]
     tempo: float
     amplitude: float
+    voice: Manner = PLAIN
 
 
 class _Entry(BaseModel):
@@ -49,6 +52,7 @@ class _Entry(BaseModel):
     constraints: tuple[Constraint, ...] = ()
     tempo: float = Field(1.0, ge=TEMPO[0], le=TEMPO[1])
     amplitude: float = Field(1.0, ge=AMPLITUDE[0], le=AMPLITUDE[1])
+    voice: Manner = PLAIN
 
 
 class _File(RootModel[dict[Label, _Entry]]):

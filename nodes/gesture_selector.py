@@ -15,15 +15,11 @@ from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
 from gesture_bot.msg import Control, Cut, Emotion, GestureWindow, Keyword, SelectorState, SpeechFeatures
 from gesture_bot.nodes.constraints import constraint_from, constraint_to
+from gesture_bot.nodes.emotions import listen_to_emotion
 from gesture_bot.nodes.messages import clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds, stamp
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.liveness import Liveness
-
-try:
-    from hri_msgs.msg import Expression
-except ImportError:  # the package is not installed
-    Expression = None
 
 
 class GestureSelector(GestureNode):
@@ -75,10 +71,7 @@ class GestureSelector(GestureNode):
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Keyword, "speech/keywords", self._on_keyword, PLAN)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)
-        self.listen_to_state(Emotion, "emotion", self._on_emotion)
-        if Expression:
-            # Where the robots of PAL take the expression of their face, in the terms of REP-155.
-            self.listen_to_state(Expression, "robot_face/expression", self._on_emotion)
+        listen_to_emotion(self, self._on_emotion)
         self.listen_to_state(Control, "control", self._on_control)
         self.every(1 / FRAME_RATE, self._plan)
         self.every(1.0, self._report)

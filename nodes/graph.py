@@ -26,8 +26,10 @@ class GraphNode:
 
 ARGUMENTS = (
     Argument("speech", "say", "What is heard: 'say' (text on the topic `say`), or a sound file to play once"),
-    Argument("text", "", "Text to speak once; the graph ends when it has been spoken"),
-    Argument("voice", "embedded", "Voice that speaks text"),
+    Argument("text", "", "Text to speak once, or what is said in the sound file; the graph ends behind it"),
+    Argument(
+        "voice", "embedded", "Voice that speaks text: embedded, or of the extra espeak, espeak:LANGUAGE"
+    ),
     Argument(
         "loudspeaker", "default", "Sound card that plays speech: 'default', 'off', or a part of its name"
     ),
@@ -48,7 +50,7 @@ ARGUMENTS = (
 NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
 
 NODES = (
-    GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
+    GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice", "emotion")),
     GraphNode("loudspeaker", "Loudspeaker", ("loudspeaker",)),
     GraphNode("microphone", "Microphone", ("microphone",)),
     GraphNode("feature_streamer", "FeatureStreamer", ()),

@@ -13,9 +13,12 @@ from rclpy.task import Future
 from std_msgs.msg import Header, String
 
 from gesture_bot.action import Speak
-from gesture_bot.msg import Audio, Cut
+from gesture_bot.matching.emotions import find_emotion, load_emotions
+from gesture_bot.msg import Audio, Cut, Emotion
 from gesture_bot.msg import Word as WordMessage
+from gesture_bot.nodes.emotions import listen_to_emotion
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, stamp
+from gesture_bot.speech.alignment import align
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
 from gesture_bot.speech.speaking import Piece, Speaking, Spoken
 from gesture_bot.speech.voice import Utterance, Voice, load_voice
@@ -64,8 +67,13 @@ class SpeechSource(GestureNode):
         speech = self.parameter(
             "speech", "say", "'say' (text on the topic `say`), or a sound file to play once"
         )
-        text = self.parameter("text", "", "Text to speak once; the graph ends when it has been spoken")
-        voice = self.parameter("voice", "embedded", "Voice that speaks text")
+        text = self.parameter(
+            "text", "", "Text to speak once, or what is said in the sound file; the graph ends behind it"
+        )
+        voice = self.parameter(
+            "voice", "embedded", "Voice that speaks text: embedded, or of the extra espeak, espeak:LANGUAGE"
+        )
+        emotion = self.parameter("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml")
         lead = self.parameter(
             "lead", 2.0, "How long before it is heard sound is published at most [s]", bounds=(0.0, 10.0)
         )
@@ -86,14 +94,20 @@ class SpeechSource(GestureNode):
         self._synthesis: threading.Thread | None = None
         self._server: ActionServer | None = None
 
+        self._emotions = load_emotions()
+        self._manner = find_emotion(self._emotions, emotion, 0.0, 0.0).voice
         self._once: Utterance | None = None
         self._begun = False
         self._complete_at = self.now()
-        if text:
-            self._once = load_voice(voice).speak(text)
-        elif speech != "say":
-            self._once = Utterance(load_audio(speech), ())
+        if speech != "say":
+            samples = load_audio(speech)
+            self._once = Utterance(samples, align(samples, text))
+            if text and not self._once.words:
+                self.get_logger().warning("the text holds no English word to find in the sound")
+        elif text:
+            self._once = load_voice(voice).speak(text, self._manner)
         else:
+            listen_to_emotion(self, self._on_emotion)
             self.listen(String, "say", lambda message: self._take(_Text(message.data)), PLAN)
             self._server = ActionServer(
                 self,
@@ -127,9 +141,13 @@ class SpeechSource(GestureNode):
             if text.dropped:
                 continue
             try:
-                self._synthesised.put((text, voice.speak(text.text)))
+                self._synthesised.put((text, voice.speak(text.text, self._manner)))
             except Exception as error:  # whatever a voice says, the texts behind it are spoken
                 self._synthesised.put((text, str(error)))
+
+    def _on_emotion(self, message: Emotion) -> None:
+        emotion = find_emotion(self._emotions, message.expression, message.valence, message.arousal)
+        self._manner = emotion.voice
 
     def _take(self, text: _Text) -> None:
         self._texts.append(text)

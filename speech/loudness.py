@@ -1,4 +1,4 @@
-"""Loudness normalisation that never looks ahead, so that a stream and a file give the same signal."""
+"""Loudness: a gain, and normalisation that never looks ahead: a stream and a file give the same signal."""
 
 import numpy as np
 
@@ -10,6 +10,9 @@ SPEECH_LEVEL = -26.0
 
 GATE = -70.0
 """Blocks below this level are silence and leave the gain as it is [dB of full scale]."""
+
+KNEE = 0.8
+"""Amplitude up to which `amplified` is linear, full scale 1."""
 
 _OVER_NOISE = 10.0  # a block counts as speech when it is this far over the noise floor [dB]
 _UNDER_PEAK = 20.0  # and no more than this under the recent peak [dB]
@@ -69,3 +72,11 @@ class LoudnessNormaliser:
 def decibels(power: np.ndarray, floor: float) -> np.ndarray:
     """Power in dB, at least `floor` [dB]."""
     return 10 * np.log10(np.maximum(power, 10 ** (floor / 10)))
+
+
+def amplified(samples: np.ndarray, factor: float) -> np.ndarray:
+    """Samples times a factor; peaks over KNEE bend softly, so that none passes full scale."""
+    samples = samples * np.float32(factor)
+    over = np.maximum(np.abs(samples) - KNEE, 0) / (1 - KNEE)
+    bent = KNEE + (1 - KNEE) * np.tanh(over)
+    return np.where(over > 0, np.copysign(bent, samples), samples).astype(np.float32)

@@ -6,6 +6,7 @@ import pytest
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.matching.emotions import LABELS, find_emotion, load_emotions
+from gesture_bot.speech.voice import Manner
 
 EMOTIONS = load_emotions()
 
@@ -41,6 +42,19 @@ def test_activation_makes_motion_faster_and_sadness_smaller():
     assert EMOTIONS["sad"].amplitude < EMOTIONS["neutral"].amplitude < EMOTIONS["angry"].amplitude
 
 
+def test_voices_follow_what_is_known_of_emotional_speech():
+    """Scherer 2003; Juslin & Laukka 2003: what each measure does from neutral speech on."""
+    voices = {name: emotion.voice for name, emotion in EMOTIONS.items()}
+    assert voices["neutral"] == Manner()
+    for name in ("angry", "furious", "happy", "excited"):
+        assert min(voices[name].speed, voices[name].pitch, voices[name].energy) > 1, name
+    for name in ("sad", "bored", "tired"):
+        assert max(voices[name].speed, voices[name].pitch, voices[name].energy) < 1, name
+    arousal = [emotion.arousal for emotion in EMOTIONS.values()]
+    for measure in ("speed", "pitch", "energy"):
+        assert np.corrcoef(arousal, [getattr(voice, measure) for voice in voices.values()])[0, 1] > 0.8
+
+
 @pytest.mark.parametrize(("valence", "arousal"), [(float("nan"), 0.0), (0.0, 1.5), (-2.0, 0.0)])
 def test_a_place_outside_the_plane_is_refused(valence, arousal):
     with pytest.raises(InvalidValueError, match="-1 to 1"):
@@ -57,6 +71,8 @@ def test_a_place_outside_the_plane_is_refused(valence, arousal):
         ("value: 20", "value: 20, colour: red", "colour"),
         ("tempo: 1.1", "tempo: 3.0", "happy.tempo"),
         ("amplitude: 1.15", "amplitude: 0", "happy.amplitude"),
+        ("pitch: 1.15", "pitch: 15", "happy.voice: pitch.*0.5 to 2.0"),
+        ("pitch: 1.15", "tone: 1.15", "happy.voice.tone"),
         (
             "{quantity: wrist_asymmetry,",
             "{quantity: wrist_asymmetry, hand: left,",

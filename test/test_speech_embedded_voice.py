@@ -1,10 +1,14 @@
+import sys
+
+import librosa
 import numpy as np
 import pytest
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
-from gesture_bot.speech import embedded_voice
+from gesture_bot.speech import embedded_voice, espeak
+from gesture_bot.speech.alignment import align
 from gesture_bot.speech.audio import SAMPLE_RATE
-from gesture_bot.speech.voice import load_voice
+from gesture_bot.speech.voice import Manner, load_voice
 
 TEXT = "Hello everybody, and welcome to our little robot laboratory. I can talk with my hands!"
 
@@ -97,11 +101,17 @@ def test_same_text_same_samples(voice, utterance):
     assert again.words == utterance.words == voice.speak(TEXT).words
 
 
-def test_speed_shortens(voice, utterance):
-    fast = voice.speak(TEXT, speed=1.6)
-    assert_times_fit(fast)
-    assert written(fast) == written(utterance)
-    assert fast.words[-1].end == pytest.approx(utterance.words[-1].end / 1.6, rel=0.15)
+@pytest.mark.parametrize("speed", [0.6, 1.1, 1.8])
+def test_speed_shortens_everything_alike(voice, utterance, speed):
+    other = voice.speak(TEXT, Manner(speed=speed))
+    assert_times_fit(other)
+    assert written(other) == written(utterance)
+    for word, plain in zip(other.words, utterance.words, strict=True):
+        assert word.stress == pytest.approx(plain.stress / speed, abs=0.02)
+    aligned = align(other.samples, TEXT)
+    assert np.median([abs(a.start - w.start) for a, w in zip(aligned, other.words, strict=True)]) < 0.05
+    assert rms(other) == pytest.approx(rms(utterance), rel=0.2)
+    assert fundamental(other) == pytest.approx(fundamental(utterance), rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -134,10 +144,45 @@ def test_nothing_to_speak(voice, text):
         voice.speak(text)
 
 
-@pytest.mark.parametrize("speed", [0, -1, 2.5, float("nan")])
-def test_impossible_speed(voice, speed):
-    with pytest.raises(InvalidValueError, match="0.5 to 2.0"):
-        voice.speak("Hello", speed)
+def fundamental(utterance):
+    """Median f0 of the voiced frames [Hz]."""
+    return np.nanmedian(librosa.pyin(utterance.samples, fmin=60, fmax=500, sr=SAMPLE_RATE)[0])
+
+
+def envelope(utterance):
+    """Mean spectrum, smooth over frequency, where the formants are [dB]: (bands,)."""
+    power = librosa.feature.melspectrogram(y=utterance.samples, sr=SAMPLE_RATE, n_mels=20, fmin=300)
+    return 10 * np.log10(power.mean(axis=1))
+
+
+def rms(utterance):
+    return np.sqrt(np.mean(utterance.samples**2))
+
+
+@pytest.mark.parametrize("pitch", [0.7, 1.3])
+def test_pitch_moves_the_fundamental_and_nothing_else(voice, utterance, pitch):
+    other = voice.speak(TEXT, Manner(pitch=pitch))
+    assert fundamental(other) / fundamental(utterance) == pytest.approx(pitch, rel=0.05)
+    assert rms(other) == pytest.approx(rms(utterance), rel=0.2)
+    assert other.words == utterance.words
+    assert np.abs(envelope(other) - envelope(utterance)).mean() < 2.5, "the formants moved"
+
+
+@pytest.mark.parametrize("energy", [0.25, 0.6, 1.5])
+def test_energy_scales_the_amplitude(voice, utterance, energy):
+    assert rms(voice.speak(TEXT, Manner(energy=energy))) / rms(utterance) == pytest.approx(energy, rel=0.02)
+
+
+def test_the_loudest_of_all_is_not_clipped(voice):
+    samples = voice.speak(TEXT, Manner(pitch=0.5, energy=2.0)).samples
+    assert 0.7 < np.abs(samples).max() < 1
+
+
+@pytest.mark.parametrize("name", ["speed", "pitch", "energy"])
+@pytest.mark.parametrize("value", [0, -1, 2.5, float("nan")])
+def test_impossible_manner(name, value):
+    with pytest.raises(InvalidValueError, match=rf"{name}.*valid: 0\.\d+ to 2\.0"):
+        Manner(**{name: value})
 
 
 @pytest.mark.parametrize("name", ["emma", "", "Embedded"])
@@ -146,7 +191,21 @@ def test_unknown_voice_lists_the_known(name):
         load_voice(name)
 
 
-def test_model_without_durations(monkeypatch):
+def test_a_model_without_durations_has_its_words_aligned(monkeypatch, caplog, utterance):
     monkeypatch.setattr(embedded_voice, "DURATIONS", "/Other_output_0")
-    with pytest.raises(GestureBotError, match=r"hibari-tts .* version 0\.2\.1"):
-        load_voice("embedded")
+    other = load_voice("embedded")
+    assert "gives no word times" in caplog.text
+    aligned = other.speak(TEXT)
+    np.testing.assert_array_equal(aligned.samples, utterance.samples)
+    assert written(aligned) == written(utterance)
+    assert_times_fit(aligned)
+    np.testing.assert_allclose(
+        [word.start for word in aligned.words], [word.start for word in utterance.words], atol=0.1
+    )
+
+
+def test_a_voice_whose_extra_is_missing_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "espeakng_loader", None)
+    monkeypatch.setattr(espeak, "languages", espeak.languages.__wrapped__)  # without its cache
+    with pytest.raises(GestureBotError, match="pip install espeakng-loader"):
+        load_voice("espeak")
