@@ -151,6 +151,10 @@ class Selector:
         self._features[frame] = np.asarray(features, np.float32)
         self._last_heard = frame
 
+    def set_gestures(self, gestures: Mapping[str, Gesture]) -> None:
+        """Take other banks for the keywords to come; see Strokes.set_gestures."""
+        self._strokes.set_gestures(gestures)
+
     def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
         self._strokes.add(gesture, stroke, phrase)

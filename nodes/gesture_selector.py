@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.corpus.demo import load_database
-from gesture_bot.matching.banks import load_banks
+from gesture_bot.matching.banks import WatchedBanks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
@@ -49,10 +49,11 @@ class GestureSelector(GestureNode):
             "How much later than the sound the motion is made; a microphone needs 1.8 [s]",
             bounds=(0.0, 5.0),
         )
+        self._banks = WatchedBanks(banks)
         self._selector = Selector(
             load_database(database),
             emotions=load_emotions(),
-            gestures=load_banks(banks),
+            gestures=self._banks.gestures,
             k=k,
             preselection=preselection,
             seed=seed,
@@ -76,6 +77,7 @@ class GestureSelector(GestureNode):
         self.listen_to_state(Control, "control", self._on_control)
         self.every(1 / FRAME_RATE, self._plan)
         self.every(1.0, self._report)
+        self.every(1.0, self._reload)
         self.waits_for("features on speech/features; rests until then")
 
     def _is_void(self, message: SpeechFeatures | Keyword) -> bool:
@@ -108,6 +110,15 @@ class GestureSelector(GestureNode):
         since = seconds(message.header.stamp) or self.now()
         with self._taken("control"):
             self._selector.set_controls([constraint_from(wanted) for wanted in message.constraints], since)
+
+    def _reload(self) -> None:
+        try:
+            if self._banks.changed():
+                self._refused.pop("banks", None)
+                self._selector.set_gestures(self._banks.gestures)
+        except GestureBotError as error:
+            self._refused["banks"] = str(error)
+            raise
 
     @contextmanager
     def _taken(self, what: str) -> Iterator[None]:

@@ -42,6 +42,7 @@ NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
 NODES = (
     GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice")),
     GraphNode("feature_streamer", "FeatureStreamer", ()),
+    GraphNode("word_recogniser", "WordRecogniser", ("banks",)),
     GraphNode("keyword_spotter", "KeywordSpotter", ("banks",)),
     GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),
     GraphNode("gesture_refiner", "GestureRefiner", ()),
