@@ -1,4 +1,4 @@
-"""What bench/keywords.py says: sentences full of trigger phrases of the shipped banks, and others without any."""
+"""What bench/keywords.py says: sentences full of triggers of the shipped banks, and others without any."""
 
 KEYWORD_SENTENCES = (
     "Hello, and welcome to the city library.",

@@ -1,16 +1,18 @@
 """How well words of the semantic banks are heard in speech, beside pocketsphinx's own keyphrase mode.
 
-`make bench-keywords`; the last line is one JSON object. Sentences of bench/keyword_sentences.py, spoken by voices
-from wheels in turn, are one stream a voice, as from a microphone, in pieces of 100 ms. The keywords of a text are
-what speech/keywords.py finds in its words, timed by pocketsphinx's alignment of text and clean sound. One is heard
-where a trigger of the same gesture is found in the words that are recognised and overlaps it, give or take 0.2 s.
+`make bench-keywords`; the last line is one JSON object. Sentences of bench/keyword_sentences.py, spoken
+by voices from wheels in turn, are one stream a voice, as from a microphone, in pieces of 100 ms. The
+keywords of a text are what speech/keywords.py finds in its words, timed by pocketsphinx's alignment of
+text and clean sound. One is heard where a trigger of the same gesture is found in the words that are
+recognised and overlaps it, give or take 0.2 s.
 
-Latency is counted from the end of the keyword's last word in the sound to the moment at which the piece has
-arrived in which that word becomes sure, plus the time that decoding a piece takes on average. What the spotter
-waits, where a phrase may go on, comes on top.
+Latency is counted from the end of the keyword's last word in the sound to the moment at which the piece
+has arrived in which that word becomes sure, plus the time that decoding a piece takes on average. What
+the spotter waits, where a phrase may go on, comes on top.
 
-Nothing was tuned on these sentences: settings were chosen on those of the demo corpus, spoken by hibari and joe.
-espeak, whose formants the acoustic model hardly understands, is told apart and not counted in the rest.
+Nothing was tuned on these sentences: settings were chosen on those of the demo corpus, spoken by hibari
+and joe. espeak, whose formants the acoustic model hardly understands, is told apart and not counted in
+the rest.
 """
 
 import json
@@ -51,8 +53,8 @@ SHARE = 2
 """Every voice says one of so many sentences, in turn; in noise, one of three times so many."""
 
 NOISES = (20, 10, 5)
-KEYPHRASE_THRESHOLD = 1e-3
-"""Of the rival, for each sound of a phrase; the best of 1e-1 to 1e-4 on the sentences of the demo corpus."""
+KEYPHRASE_THRESHOLD = 1e4
+"""Of the rival, for each sound of a phrase; the best F1 of 1e-4 to 1e4 on the sentences of the demo corpus."""
 
 Heard = list[tuple[Spotted, float]]
 
@@ -173,7 +175,7 @@ def keyphrases(sound: np.ndarray) -> tuple[Heard, float]:
         lines = []
         for phrase in banks:
             sounds = sum(len(decoder.lookup_word(word).split()) for word in phrase.split())
-            lines.append(f"{phrase} /{max(KEYPHRASE_THRESHOLD**sounds, 1e-50):g}/")
+            lines.append(f"{phrase} /{KEYPHRASE_THRESHOLD**sounds:g}/")
         path.write_text("\n".join(lines) + "\n")
         decoder.add_kws("phrases", str(path))
     decoder.activate_search("phrases")

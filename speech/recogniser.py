@@ -22,6 +22,9 @@ PRE_ROLL = 0.4
 PAUSE = 0.45
 """So long without voice ends an utterance of the decoder, and decides all of its words [s]."""
 
+TAIL = 0.3
+"""Silence that is added where the sound ends [s]."""
+
 LONGEST = 20.0
 """An utterance of the decoder ends after so long at the latest [s]."""
 
@@ -39,6 +42,9 @@ _FRAME = 0.01
 
 SAME = 0.06
 """A word is still the same in the next hypothesis where its begin has moved less [s]."""
+
+LONGER = 0.1
+"""A word that was decided was only the beginning of one that is so much longer [s]: danger, dangerous."""
 
 SHORT, MIDDLE, LONG, PHRASE = (0.12, 0.18), (0.12, 0.12), (0.06, 0.12), (0.06, 0.06)
 """When words of up to 3, of 4 or 5, and of more sounds, and those of a phrase of interest, are sure enough.
@@ -65,6 +71,9 @@ class RecognisedWord:
     confidence: float
 
 
+NOTHING = RecognisedWord("", -np.inf, -np.inf, 0.0)
+
+
 @dataclass(frozen=True)
 class _Hypothesis:
     word: RecognisedWord
@@ -77,7 +86,8 @@ class Recogniser:
 
     Voice activity begins and ends utterances of the decoder, so silence costs little. A word is given out, in
     the order of speech and once, when it has stayed in the best hypothesis for a time that depends on how
-    much evidence there is; what the decoder thinks later of its place is not told.
+    much evidence there is. What the decoder thinks later of its place is not told, but for a longer word that
+    begins like it.
 
     Args:
         phrases: Phrases that matter; see Vocabulary.
@@ -95,7 +105,7 @@ class Recogniser:
         self._begin: float | None = None
         self._quiet = self._frames = 0
         self._hypotheses: list[_Hypothesis] = []
-        self._decided = 0.0
+        self._last = NOTHING
 
     @property
     def problems(self) -> list[str]:
@@ -127,7 +137,11 @@ class Recogniser:
 
     def flush(self) -> list[RecognisedWord]:
         """Nothing follows the sound so far: decide all of its words."""
-        words = self._end() if self._begin is not None else []
+        words = []
+        if self._begin is not None:
+            # Without silence behind it, the last word is taken for one that goes on.
+            self._decoder.process_raw(self._waiting.tobytes() + bytes(2 * round(TAIL * SAMPLE_RATE)))
+            words = self._end()
         self._waiting = self._waiting[:0]
         self._lead.clear()
         self._active.clear()
@@ -151,7 +165,8 @@ class Recogniser:
 
     def _start(self) -> None:
         sound = b"".join(self._lead)
-        self._begin = self._decided = self._now - len(self._lead) * self._voice.frame_length
+        self._begin = self._now - len(self._lead) * self._voice.frame_length
+        self._last = replace(NOTHING, end=self._begin)
         self._quiet = self._frames = 0
         self._hypotheses = []
         self._decoder.start_utt()
@@ -166,7 +181,10 @@ class Recogniser:
         return words
 
     def _is_new(self, word: RecognisedWord) -> bool:
-        return word.start + word.end >= 2 * self._decided
+        """Whether a word comes after the last one decided, or goes on where that was only its beginning."""
+        last = self._last
+        longer = word.text != last.text and word.end > last.end + LONGER
+        return (longer and abs(word.start - last.start) < SAME) or word.start + word.end >= 2 * last.end
 
     def _sure(self) -> list[RecognisedWord]:
         """Words from the last decided one on, up to the first that is not sure."""
@@ -180,7 +198,7 @@ class Recogniser:
             if self._now - found.since < stable - _FRAME or self._now - word.end < after - _FRAME:
                 break
             words.append(word)
-            self._decided = word.end
+            self._last = word
         return words
 
     def _known(self, found: _Hypothesis) -> _Hypothesis:
