@@ -54,7 +54,7 @@ SHARE = 2
 
 NOISES = (20, 10, 5)
 KEYPHRASE_THRESHOLD = 1e4
-"""Of the rival, for each sound of a phrase; the best F1 of 1e-4 to 1e4 on the sentences of the demo corpus."""
+"""Of the rival, a sound of a phrase: of 1e-4 to 1e4 the best F1 on the sentences of the demo corpus."""
 
 Heard = list[tuple[Spotted, float]]
 
@@ -239,7 +239,7 @@ def _with(sound: np.ndarray, listener: Listener) -> tuple[Heard, np.ndarray, flo
 def memory() -> int:
     """What the process of the recogniser holds while it hears [MiB]."""
     process = RecogniserProcess(triggers(load_banks()))
-    process.push("bench", 0.0, speak("hibari", KEYWORD_SENTENCES[0]), last=True)
+    process.push(("file", 1), 0.0, speak("hibari", KEYWORD_SENTENCES[0]), last=True)
     while not process.words():
         time.sleep(0.1)
     (child,) = psutil.Process().children()

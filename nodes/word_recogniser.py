@@ -1,6 +1,5 @@
 """Sound in, the words in it out."""
 
-from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, seconds, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.recogniser import RecognisedWord
-from gesture_bot.speech.recogniser_process import RecogniserProcess
+from gesture_bot.speech.recogniser_process import Key, RecogniserProcess
 
 OTHERS = "others"
 """Every source but the robot's voice, which tells its own words."""
@@ -117,8 +116,8 @@ class WordRecogniser(GestureNode):
         self._diagnostics.publish(message)
 
 
-def _message(key: Hashable, word: RecognisedWord) -> WordMessage:
-    source, utterance = key  # type: ignore[misc]
+def _message(key: Key, word: RecognisedWord) -> WordMessage:
+    source, utterance = key
     duration = word.end - word.start
     message = WordMessage(text=word.text, utterance=utterance, duration=duration, stress=duration / 2)
     message.confidence = word.confidence

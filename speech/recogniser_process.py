@@ -4,7 +4,7 @@ import socket
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
@@ -23,7 +23,10 @@ ON_THE_WAY = 3
 LONGEST_QUEUE = 50
 """Pieces that wait at most. When more come, the oldest are dropped."""
 
-_Piece = tuple[Hashable, float, np.ndarray | None]
+Key = tuple[str, int]
+"""Source and number of an utterance."""
+
+_Piece = tuple[Key, float, np.ndarray | None]
 
 
 class RecogniserProcess:
@@ -61,14 +64,14 @@ class RecogniserProcess:
         """Listen for other phrases from now on."""
         self._send(list(phrases))
 
-    def push(self, key: Hashable, moment: float, samples: np.ndarray, last: bool = False) -> None:
+    def push(self, key: Key, moment: float, samples: np.ndarray, last: bool = False) -> None:
         """Take in sound.
 
         Args:
-            key: Of the signal that it belongs to; comes back with its words.
+            key: Of the utterance that it belongs to; comes back with its words.
             moment: Of the first sample [s].
             samples: (n,) float32, mono, at SAMPLE_RATE.
-            last: Whether the signal ends with it.
+            last: Whether the utterance ends with it.
         """
         for first in range(0, len(samples), PIECE):
             self._waiting.append((key, moment + first / SAMPLE_RATE, samples[first : first + PIECE]))
@@ -79,7 +82,7 @@ class RecogniserProcess:
             self._waiting.popleft()
             self._dropped += 1
 
-    def words(self) -> list[tuple[Hashable, RecognisedWord]]:
+    def words(self) -> list[tuple[Key, RecognisedWord]]:
         """What has been recognised since the last call. Call it often: it also passes waiting sound on.
 
         Raises:
@@ -126,7 +129,7 @@ def _serve(connection: Connection) -> None:
     from gesture_bot.speech.recogniser import Recogniser
 
     recogniser: Recogniser | None = None
-    key: Hashable = None
+    key: Key = ("", 0)
     while True:
         message = connection.recv()
         words = []
