@@ -30,8 +30,8 @@ class Vocabulary:
     """A decoder, and what its entries are made of.
 
     The language model and the dictionary are those of pocketsphinx's wheel (US English, 135,000 words). Each
-    phrase, and each long word, gets a second entry with a probability of its own in the language model: an
-    interpolation of it with a uniform distribution over the phrases (Jelinek & Mercer 1980).
+    phrase, and each long word, gets an entry of its own beside them, whose probability in the language model
+    is WEIGHT times that of a word drawn evenly, whatever was said before. A phrase is then one long word.
 
     Args:
         phrases: Lower-case words with single spaces between them.
