@@ -82,7 +82,7 @@ class Score:
 
     def told(self) -> dict[str, float]:
         """Its measures."""
-        latencies = np.array(self.latencies or [np.nan]) * 1e3
+        latencies = np.array(self.latencies or [0.0]) * 1e3
         return {
             "precision": round(self.hits / max(1, self.found), 3),
             "recall": round(self.hits / max(1, self.said), 3),
