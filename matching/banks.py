@@ -1,6 +1,7 @@
 """Semantic banks: gestures that mean something, in YAML, and the words that call them (MM22, section 4.2)."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Protocol
@@ -139,7 +140,7 @@ def load_banks(folder: str | Path = "shipped") -> dict[str, Gesture]:
     Raises:
         FileFormatError: See read_bank; or two gestures share a name or a trigger, or there is no bank.
     """
-    banks = sorted((config_dir() / "banks" if folder == "shipped" else Path(folder)).glob("*.yaml"))
+    banks = _bank_files(folder)
     if not banks:
         what = (
             "no semantic banks (*.yaml) in" if Path(folder).is_dir() else "semantic banks: there is no folder"
@@ -161,6 +162,46 @@ def load_banks(folder: str | Path = "shipped") -> dict[str, Gesture]:
                     )
                 callers[trigger.phrase] = name
     return gestures
+
+
+class WatchedBanks:
+    """The banks of a folder, read again when a file among them changes.
+
+    Args:
+        folder: See load_banks.
+
+    Attributes:
+        gestures: Every gesture, as last read without a mistake.
+    """
+
+    def __init__(self, folder: str | Path = "shipped") -> None:
+        self._folder = folder
+        self._files = self._look()
+        self.gestures = load_banks(folder)
+
+    def changed(self) -> bool:
+        """Look at the files; where one is new, changed or gone, read all again.
+
+        Raises:
+            FileFormatError: See load_banks. The gestures stay, and nothing is read until the next change.
+        """
+        files = self._look()
+        if files == self._files:
+            return False
+        self._files = files
+        self.gestures = load_banks(self._folder)
+        return True
+
+    def _look(self) -> dict[Path, tuple[int, int]]:
+        files = {}
+        for path in _bank_files(self._folder):
+            with suppress(OSError):  # an editor has just moved it away
+                files[path] = (path.stat().st_mtime_ns, path.stat().st_size)
+        return files
+
+
+def _bank_files(folder: str | Path) -> list[Path]:
+    return sorted((config_dir() / "banks" if folder == "shipped" else Path(folder)).glob("*.yaml"))
 
 
 def read_bank(path: Path) -> dict[str, Gesture]:

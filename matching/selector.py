@@ -191,6 +191,10 @@ class Selector:
             raise InvalidValueError("moment of a beat", moment, ["a finite number"])
         self._beats.append(moment * FRAME_RATE)
 
+    def set_gestures(self, gestures: Mapping[str, Gesture]) -> None:
+        """Take other banks for the keywords to come; see Strokes.set_gestures."""
+        self._strokes.set_gestures(gestures)
+
     def add_keyword(self, gesture: str, stroke: float, phrase: str = "") -> None:
         """Make a gesture of the banks with its stroke at a moment; see Strokes.add."""
         self._strokes.add(gesture, stroke, phrase)

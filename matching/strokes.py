@@ -115,6 +115,10 @@ class Strokes:
         self._over = 0
         self._made: dict[str, float] = {}
 
+    def set_gestures(self, gestures: Mapping[str, Gesture]) -> None:
+        """Make other gestures for the keywords to come; those that were added are made as they were."""
+        self._gestures = gestures
+
     @property
     def free_from(self) -> int:
         """The frame at which the last gesture is finished but for its retraction."""

@@ -9,7 +9,7 @@ import numpy as np
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.corpus.demo import load_database
-from gesture_bot.matching.banks import load_banks
+from gesture_bot.matching.banks import WatchedBanks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.search import Preselection
 from gesture_bot.matching.selector import Selector, Window
@@ -50,10 +50,11 @@ class GestureSelector(GestureNode):
             "How much later than sound that is heard live, as by a microphone, its motion is seen [s]",
             bounds=(0.25, 1.1),
         )
+        self._banks = WatchedBanks(banks)
         self._selector = Selector(
             load_database(database),
             emotions=load_emotions(),
-            gestures=load_banks(banks),
+            gestures=self._banks.gestures,
             k=k,
             preselection=preselection,
             seed=seed,
@@ -75,6 +76,7 @@ class GestureSelector(GestureNode):
         self.listen_to_state(Control, "control", self._on_control)
         self.every(1 / FRAME_RATE, self._plan)
         self.every(1.0, self._report)
+        self.every(1.0, self._reload)
         self.waits_for("features on speech/features; rests until then")
 
     def _is_void(self, message: SpeechFeatures | Keyword) -> bool:
@@ -118,6 +120,15 @@ class GestureSelector(GestureNode):
         since = seconds(message.header.stamp) or self.now()
         with self._taken("control"):
             self._selector.set_controls([constraint_from(wanted) for wanted in message.constraints], since)
+
+    def _reload(self) -> None:
+        try:
+            if self._banks.changed():
+                self._refused.pop("banks", None)
+                self._selector.set_gestures(self._banks.gestures)
+        except GestureBotError as error:
+            self._refused["banks"] = str(error)
+            raise
 
     @contextmanager
     def _taken(self, what: str) -> Iterator[None]:

@@ -54,6 +54,7 @@ NODES = (
     GraphNode("loudspeaker", "Loudspeaker", ("loudspeaker",)),
     GraphNode("microphone", "Microphone", ("microphone",)),
     GraphNode("feature_streamer", "FeatureStreamer", ()),
+    GraphNode("word_recogniser", "WordRecogniser", ("banks",)),
     GraphNode("keyword_spotter", "KeywordSpotter", ("banks",)),
     GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),
     GraphNode("gesture_refiner", "GestureRefiner", ()),

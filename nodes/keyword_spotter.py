@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from gesture_bot.matching.banks import load_banks, triggers
+from gesture_bot.matching.banks import WatchedBanks, triggers
 from gesture_bot.msg import Cut, Keyword
 from gesture_bot.msg import Word as WordMessage
 from gesture_bot.nodes import hri_speech
@@ -15,6 +15,9 @@ from gesture_bot.speech.voice import Word
 PATIENCE = 0.2
 """A phrase that could go on is taken as it is when no further word comes for so long [s]."""
 
+RECOGNISED_PATIENCE = 0.45
+"""The same for words that are recognised, which come when they have been said [s]."""
+
 
 class KeywordSpotter(GestureNode):
     """Finds the trigger words and phrases of the semantic banks among the words that are heard."""
@@ -22,7 +25,8 @@ class KeywordSpotter(GestureNode):
     def __init__(self, name: str = "keyword_spotter", **options: Any):
         super().__init__(name, **options)
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
-        self._spotter = keywords.KeywordSpotter(triggers(load_banks(banks)))
+        self._banks = WatchedBanks(banks)
+        self._spotter = keywords.KeywordSpotter(triggers(self._banks.gestures))
         self._heard, self._last = 0.0, WordMessage(confidence=1.0)
         self._cuts = Cuts()
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
@@ -30,6 +34,7 @@ class KeywordSpotter(GestureNode):
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)
         hri_speech.listen(self, self._on_transcript)
         self.every(PATIENCE / 2, self._flush)
+        self.every(1.0, self._reload)
         self.waits_for("words on speech/words")
 
     def _on_cut(self, cut: Cut) -> None:
@@ -53,9 +58,14 @@ class KeywordSpotter(GestureNode):
             message.header.stamp, message.header.frame_id = stamp(self.now()), "transcript"
             self._on_word(message)
 
+    def _reload(self) -> None:
+        if self._banks.changed():
+            self._spotter.set_triggers(triggers(self._banks.gestures))
+
     def _flush(self) -> None:
         """Words that may become a longer phrase have waited long enough."""
-        if self.now() - self._heard > PATIENCE:
+        known = self._last.confidence == 1.0
+        if self.now() - self._heard > (PATIENCE if known else RECOGNISED_PATIENCE):
             self._publish(self._spotter.flush())
 
     def _publish(self, found: Iterable[keywords.Spotted]) -> None:

@@ -30,6 +30,9 @@ GRAPH = ("speech/audio", "speech/features", "gesture/selected", "gesture/refined
 CONNECTION = 0.5
 """A listener that is known is connected so much later at most [s]; sound that comes before is lost."""
 
+VOICE, FILE = "voice", "file"
+"""Sources of sound: one that tells its words, and a file without."""
+
 LAST_RETRACTION = 1.5
 """From the end of what is played once to the end of the graph, time for the arms to come down [s]."""
 
@@ -96,6 +99,7 @@ class SpeechSource(GestureNode):
 
         self._emotions = load_emotions()
         self._manner = find_emotion(self._emotions, emotion, 0.0, 0.0).voice
+        self._source = VOICE if speech == "say" or text else FILE
         self._once: Utterance | None = None
         self._begun = False
         self._complete_at = self.now()
@@ -180,7 +184,7 @@ class SpeechSource(GestureNode):
         cut = self._speaking.cut([text.spoken for text in texts if text.spoken], self.now())
         if cut:
             moment, utterance = cut
-            self._cuts.publish(Cut(header=_header(moment), utterance=utterance))
+            self._cuts.publish(Cut(header=_header(moment, self._source), utterance=utterance))
         for text in texts:
             text.dropped = True
             text.ended.set_result(why)
@@ -207,7 +211,7 @@ class SpeechSource(GestureNode):
                 text.ended.set_result(said)
         for due in self._speaking.due(now):
             if isinstance(due, Piece):
-                self._audio.publish(_audio(due))
+                self._audio.publish(_audio(due, self._source))
             else:
                 self._publish_words(due)
         for text in self._texts:
@@ -219,17 +223,20 @@ class SpeechSource(GestureNode):
     def _publish_words(self, spoken: Spoken) -> None:
         for word in spoken.utterance.words:
             message = WordMessage(text=word.text, duration=word.end - word.start, confidence=1.0)
-            message.header, message.utterance = _header(spoken.start + word.start), spoken.number
+            message.header, message.utterance = (
+                _header(spoken.start + word.start, self._source),
+                spoken.number,
+            )
             message.stress = word.stress - word.start
             self._words.publish(message)
 
 
-def _header(moment: float) -> Header:
-    return Header(stamp=stamp(moment), frame_id="voice")
+def _header(moment: float, source: str) -> Header:
+    return Header(stamp=stamp(moment), frame_id=source)
 
 
-def _audio(piece: Piece) -> Audio:
+def _audio(piece: Piece, source: str) -> Audio:
     message = Audio(utterance=piece.number, sample_rate=SAMPLE_RATE, last=piece.last)
-    message.header = _header(piece.moment)
+    message.header = _header(piece.moment, source)
     message.samples.frombytes(piece.samples.astype(np.float32).tobytes())
     return message

@@ -8,7 +8,7 @@ import numpy as np
 from pocketsphinx import Decoder
 
 from gesture_bot.speech.audio import SAMPLE_RATE
-from gesture_bot.speech.pronunciation import read, sentences
+from gesture_bot.speech.pronunciation import phones_of, read, sentences
 from gesture_bot.speech.voice import Word
 
 VOWEL = 1.5
@@ -21,15 +21,6 @@ With pocketsphinx's own 1e-48 it loses the end of a third of the sentences of a 
 """
 
 _FRAME = 0.01  # of pocketsphinx [s]
-
-_PHONES = {
-    "A": "EY", "I": "AY", "W": "AW", "Y": "OY", "O": "OW", "Q": "OW", "i": "IY", "u": "UW", "ɑ": "AA",
-    "ɒ": "AA", "ɔ": "AO", "æ": "AE", "a": "AE", "ɛ": "EH", "ɜ": "ER", "ɪ": "IH", "ᵻ": "IH", "ʊ": "UH",
-    "ʌ": "AH", "ə": "AH", "ᵊ": "AH", "ɐ": "AH", "b": "B", "d": "D", "f": "F", "h": "HH", "j": "Y",
-    "k": "K", "l": "L", "m": "M", "n": "N", "p": "P", "s": "S", "t": "T", "T": "T", "v": "V", "w": "W",
-    "z": "Z", "ɡ": "G", "ŋ": "NG", "ɹ": "R", "ʃ": "SH", "ʒ": "ZH", "ʤ": "JH", "ʧ": "CH", "ð": "DH", "θ": "TH",
-}  # fmt: skip
-"""hibari's phoneme symbols as the phones of pocketsphinx's acoustic model, which are the CMU dictionary's."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +48,7 @@ def align(samples: np.ndarray, text: str) -> tuple[Word, ...]:
         spelt
         for symbols, spoken in map(read, sentences(text))
         for word, (first, last) in spoken
-        if (spelt := _spelt(word, symbols[first:last])).phones
+        if (spelt := _Spelt(word, *phones_of(symbols[first:last]))).phones
     ]
     spans = _search(samples, words)
     if len(spans) < len(words):
@@ -65,17 +56,6 @@ def align(samples: np.ndarray, text: str) -> tuple[Word, ...]:
         edges = np.linspace(0, len(samples) / SAMPLE_RATE, len(words) + 1)
         spans = list(zip(edges[:-1], edges[1:], strict=True))
     return tuple(_timed(word, start, end) for word, (start, end) in zip(words, spans, strict=True))
-
-
-def _spelt(text: str, symbols: str) -> _Spelt:
-    phones: list[str] = []
-    stresses: dict[str, int] = {}
-    for symbol in symbols.replace("ɜɹ", "ɜ").replace("əɹ", "ɜ"):  # one phone, ER
-        if symbol in _PHONES:
-            phones.append(_PHONES[symbol])
-        else:
-            stresses.setdefault(symbol, len(phones))
-    return _Spelt(text, tuple(phones), stresses.get("ˈ", stresses.get("ˌ")))
 
 
 def _search(samples: np.ndarray, words: Sequence[_Spelt]) -> list[tuple[float, float]]:

@@ -39,11 +39,19 @@ class KeywordSpotter:
     """
 
     def __init__(self, triggers: Mapping[str, str]):
-        self._phrases = {tuple(filter(None, map(bare, phrase.split()))): phrase for phrase in triggers}
-        if () in self._phrases:
-            raise InvalidValueError("a trigger holds no word", self._phrases[()])
-        self._triggers = dict(triggers)
         self._words: list[Word] = []
+        self.set_triggers(triggers)
+
+    def set_triggers(self, triggers: Mapping[str, str]) -> None:
+        """Find other phrases from now on, also in the words that wait.
+
+        Raises:
+            InvalidValueError: A trigger holds no word; the others stay.
+        """
+        phrases = {tuple(filter(None, map(bare, phrase.split()))): phrase for phrase in triggers}
+        if () in phrases:
+            raise InvalidValueError("a trigger holds no word", phrases[()])
+        self._phrases, self._triggers = phrases, dict(triggers)
 
     def spot(self, words: Iterable[Word]) -> list[Spotted]:
         """Take in the next words; words that may yet become a longer phrase wait for the next call."""

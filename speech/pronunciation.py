@@ -11,10 +11,20 @@ from hibari import Hibari
 from hibari.g2p import ASSETS, G2P
 from hibari.g2p.normalize import normalize
 
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.speech.voice import bare
 
 Span = tuple[int, int]
 """First index, and the one behind the last."""
+
+_PHONES = {
+    "A": "EY", "I": "AY", "W": "AW", "Y": "OY", "O": "OW", "Q": "OW", "i": "IY", "u": "UW", "ɑ": "AA",
+    "ɒ": "AA", "ɔ": "AO", "æ": "AE", "a": "AE", "ɛ": "EH", "ɜ": "ER", "ɪ": "IH", "ᵻ": "IH", "ʊ": "UH",
+    "ʌ": "AH", "ə": "AH", "ᵊ": "AH", "ɐ": "AH", "b": "B", "d": "D", "f": "F", "h": "HH", "j": "Y",
+    "k": "K", "l": "L", "m": "M", "n": "N", "p": "P", "s": "S", "t": "T", "T": "T", "v": "V", "w": "W",
+    "z": "Z", "ɡ": "G", "ŋ": "NG", "ɹ": "R", "ʃ": "SH", "ʒ": "ZH", "ʤ": "JH", "ʧ": "CH", "ð": "DH", "θ": "TH",
+}  # fmt: skip
+"""hibari's phoneme symbols as the phones of pocketsphinx's acoustic model, which are the CMU dictionary's."""
 
 _WORD = re.compile(r"\w+(?:[-'’.,:/@&]\w+)*")
 
@@ -74,3 +84,30 @@ def _match(sentence: str, spoken: list[tuple[str, Span]]) -> list[tuple[str, Spa
             last = max(first, (i + 1) * len(share) // len(words) - 1)
             matched.append((word, (share[first][1][0], share[last][1][1])))
     return matched
+
+
+def pronounce(word: str) -> str:
+    """How an English word is said, as phones of the CMU dictionary with single spaces, such as `R OW B AA T`.
+
+    Raises:
+        InvalidValueError: It has no letters that English is written in.
+    """
+    symbols, _ = read(word)
+    phones, _ = phones_of(symbols)
+    if not phones:
+        raise InvalidValueError(
+            "cannot tell how this word is said; write it with the letters of English", word
+        )
+    return " ".join(phones)
+
+
+def phones_of(symbols: str) -> tuple[tuple[str, ...], int | None]:
+    """Phoneme symbols as phones of the CMU dictionary, and which of these is the stressed vowel, if any."""
+    phones: list[str] = []
+    stresses: dict[str, int] = {}
+    for symbol in symbols.replace("ɜɹ", "ɜ").replace("əɹ", "ɜ"):  # one phone, ER
+        if symbol in _PHONES:
+            phones.append(_PHONES[symbol])
+        else:
+            stresses.setdefault(symbol, len(phones))
+    return tuple(phones), stresses.get("ˈ", stresses.get("ˌ"))

@@ -7,7 +7,7 @@ from small_database import small_database
 from gesture_bot.base.errors import FileFormatError
 from gesture_bot.base.keypoints import INDEX, bone_lengths
 from gesture_bot.evaluate.motion_files import write_bvh
-from gesture_bot.matching.banks import load_banks, read_bank, triggers
+from gesture_bot.matching.banks import WatchedBanks, load_banks, read_bank, triggers
 from gesture_bot.matching.rendering import render
 from gesture_bot.matching.settling import rest_pose
 
@@ -95,6 +95,25 @@ def test_a_trigger_calls_one_gesture(tmp_path):
         read(tmp_path, BANK, BANK.replace("wave:", "salute:"))
     with pytest.raises(FileFormatError, match="bank1.yaml: line 5: gestures.wave: .*there already"):
         read(tmp_path, BANK, BANK.replace("[ahoy, good day: 2]", "[hullo]"))
+
+
+def test_banks_that_change_are_read_again_and_a_mistake_changes_nothing(tmp_path):
+    path = tmp_path / "bank.yaml"
+    path.write_text(BANK)
+    watched = WatchedBanks(tmp_path)
+    assert not watched.changed()
+    path.write_text(BANK.replace("ahoy", "hullo there"))
+    assert watched.changed()
+    assert "hullo there" in triggers(watched.gestures)
+    path.write_text(BANK.replace("palm: forward", "palm: sideways"))
+    with pytest.raises(FileFormatError, match=r"bank.yaml: line 11: .*right\.palm"):
+        watched.changed()
+    assert "hullo there" in triggers(watched.gestures)
+    assert not watched.changed(), "a mistake is told once"
+    (tmp_path / "more.yaml").write_text(BANK.replace("wave:", "nod:").replace("ahoy, good day: 2", "aye"))
+    path.unlink()
+    assert watched.changed()
+    assert set(watched.gestures) == {"nod"}
 
 
 SPAN = """

@@ -51,6 +51,17 @@ def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
     assert bank.stroke - show.now == pytest.approx(earliest, abs=1 / FRAME_RATE)
 
 
+def test_changed_banks_give_the_gestures_to_come_and_one_that_was_called_is_made():
+    show = Show(selector()).run(1.0)
+    show.chooser.add_keyword("big", show.now + 1.6)
+    show.chooser.set_gestures({"halt": GESTURES["stop"]})
+    show.chooser.add_keyword("halt", show.now + 6.0)
+    show.run(7.0)
+    assert [window.name for window in show.windows if window.source == "bank"] == ["big", "halt"]
+    with pytest.raises(InvalidValueError, match="unknown gesture: 'big'; valid: halt"):
+        show.chooser.add_keyword("big", show.now + 2.0)
+
+
 @pytest.mark.parametrize("name", GESTURES)
 def test_a_gesture_in_a_hurry_is_no_faster_than_a_person(name):
     show = Show(selector()).run(1.0)
