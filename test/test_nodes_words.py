@@ -44,7 +44,10 @@ class Microphone:
     def __init__(self, node):
         self.node, self.utterance = node, 0
         self.publisher = node.create_publisher(Audio, "speech/audio", STREAM)
-        wait_until(self.publisher.get_subscription_count, 30, "somebody to listen on speech/audio")
+        # The listener of the tests listens to both, too.
+        wait_until(lambda: node.count_subscribers("speech/audio") > 1, 30, "the recogniser")
+        wait_until(lambda: node.count_subscribers("speech/words") > 1, 30, "the spotter")
+        time.sleep(0.5)  # until all are connected
         said = load_voice("embedded").speak("Please wait a minute, the old bridge is dangerous.").samples
         self.samples = soxr.resample(np.pad(said, (0, SAMPLE_RATE)), SAMPLE_RATE, RATE)
 
