@@ -5,27 +5,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after
 from gesture_bot.corpus.database import LOOKAHEAD, SEQUENCE, Database
 from gesture_bot.matching.banks import Gesture
 from gesture_bot.matching.controls import Admission, Constraint, Controls, Demand, LabelConstraint
 from gesture_bot.matching.emotions import Emotion, find_emotion
-from gesture_bot.matching.features import AUDIO_OFFSETS
+from gesture_bot.matching.hearing import ONSET, Hearing
 from gesture_bot.matching.plan import Plan, Window
 from gesture_bot.matching.rhythm import AFTER, BEFORE, STRETCH, aligned, motion_beats
 from gesture_bot.matching.search import Match, Preselection, Search, check_settings
 from gesture_bot.matching.settling import Settling, nearest, rest_pose, rest_poses
 from gesture_bot.matching.shaping import enlarged, played
-from gesture_bot.matching.speaker import Speaker, speech_statistics
 from gesture_bot.matching.strokes import Strokes
-from gesture_bot.speech.features import FEATURES, SILENCE_FEATURES
-
-ONSET = 6
-"""Frames before speech is detected at which motion begins: a gesture is prepared before its word.
-
-Four before its first sound, which is up to two frames earlier.
-"""
 
 AHEAD = 0.8
 """Where speech is announced, windows are planned so long before they are seen [s]."""
@@ -39,13 +30,8 @@ REACT = 0.15
 CUT_REACT = 0.1
 """What is seen sooner than this is not changed by a cut any more [s]: time for the bus alone."""
 
-SHORTEST = WINDOW // 2
-"""Where speech ends within less than this many frames, no window is searched for them."""
-
 LATELY = 25 * FRAME_RATE
 """A window of speech does not come again within so many frames, where there are others."""
-
-_SILENCE = SILENCE_FEATURES, False
 
 
 class Selector:
@@ -65,6 +51,9 @@ class Selector:
         seed: Of that draw.
         align_beats: Windows of speech are played so that the hands' beats fall on those of the speech, unless
             a control bounds the speed of the wrists; see rhythm.py.
+
+    Attributes:
+        hearing: Takes in the speech.
     """
 
     def __init__(
@@ -77,6 +66,7 @@ class Selector:
         seed: int = 0,
         align_beats: bool = True,
     ) -> None:
+        self.hearing = Hearing(database)
         self._database, self._emotions = database, emotions
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
@@ -84,13 +74,8 @@ class Selector:
         self._align_beats = align_beats
         self._rest, self._rest_poses = rest_pose(database), rest_poses(database)
 
-        self._voice = speech_statistics(database)
-        self._speakers: dict[str, Speaker] = {}
         self._plan: Plan | None = None
         self._settling: Settling | None = None
-        self._heard: dict[int, tuple[np.ndarray, bool]] = {}
-        self._announced = self._last_heard = -WINDOW
-        self._beats: list[float] = []
         self._strokes = Strokes(gestures)
         self._cut: int | None = None
         self._late = 0
@@ -149,48 +134,6 @@ class Selector:
         self._constraints, self._since = tuple(constraints), since
         self._admit()
 
-    def add_features(
-        self, frame: int, features: np.ndarray, speech: bool, speaker: str = "", live: bool = False
-    ) -> None:
-        """Take in the sound of a frame.
-
-        Args:
-            frame: Index on the grid, where its motion belongs.
-            features: (28,) speech features; see speech.features.
-            speech: Whether somebody speaks in it; see speech.activity.
-            speaker: Where it comes from: a speaker's features are brought to the database's voice.
-            live: Whether it was heard before this call, as from a microphone. What is announced, such as the
-                robot's own voice, goes first.
-
-        Raises:
-            InvalidValueError: They are not 28 finite numbers.
-        """
-        if np.shape(features) != (FEATURES,) or not np.isfinite(features).all():
-            raise InvalidValueError(
-                f"speech features of frame {frame}", features, [f"{FEATURES} finite numbers"]
-            )
-        if speaker not in self._speakers:
-            self._speakers[speaker] = Speaker(*self._voice)
-        features = self._speakers[speaker].push(np.asarray(features), speech)
-        if live and frame <= self._announced:
-            return
-        self._hear(frame, features, speech)
-        if not live:
-            self._announced = frame
-
-    def add_beat(self, moment: float) -> None:
-        """Take in a beat of the speech; see speech.beats.
-
-        Args:
-            moment: On the clock of the plan [s since the epoch].
-
-        Raises:
-            InvalidValueError: It is not finite.
-        """
-        if not math.isfinite(moment):
-            raise InvalidValueError("moment of a beat", moment, ["a finite number"])
-        self._beats.append(moment * FRAME_RATE)
-
     def set_gestures(self, gestures: Mapping[str, Gesture]) -> None:
         """Take other banks for the keywords to come; see Strokes.set_gestures."""
         self._strokes.set_gestures(gestures)
@@ -209,10 +152,7 @@ class Selector:
             moment: On the clock of the plan [s since the epoch].
         """
         frame = first_frame_after(moment)
-        self._heard = {earlier: heard for earlier, heard in self._heard.items() if earlier < frame}
-        self._hear(frame, *_SILENCE)
-        self._announced = frame
-        self._beats = [beat for beat in self._beats if beat < frame]
+        self.hearing.cut(frame)
         self._strokes.cut(moment)
         self._cut = frame if self._cut is None else min(frame, self._cut)
 
@@ -237,9 +177,7 @@ class Selector:
             plan.hold(soonest)
             self._settling = None
         plan.forget(first_frame_after(now) - LATELY)
-        oldest = soonest - 2 * WINDOW
-        self._heard = {frame: heard for frame, heard in self._heard.items() if frame > oldest}
-        self._beats = [beat for beat in self._beats if beat > oldest]
+        self.hearing.forget(soonest - 2 * WINDOW)
         if self._cut is not None:
             plan.cut(max(self._cut, first_frame_after(now + CUT_REACT)))
             self._settling, self._cut = None, None
@@ -247,7 +185,7 @@ class Selector:
 
         windows: list[Window] = []
         while True:
-            announced = plan.end <= self._announced
+            announced = plan.end <= self.hearing.announced
             horizon = first_frame_after(now + (AHEAD if announced else SOON))
             timing = self._strokes.next(soonest, self._emotion)
             if timing and timing.begin <= min(plan.end, horizon):
@@ -259,16 +197,12 @@ class Selector:
                 return windows
             else:
                 frames = min(WINDOW, timing.begin - plan.end) if timing else WINDOW
-                spoken = self._spoken(plan.end, frames)
+                spoken = self.hearing.spoken(plan.end, frames)
                 window = (self._speech(plan, spoken) if spoken else None) or self._silence(plan, frames)
             if window.source != "rest":
                 self._settling = None
             plan.add(window)
             windows.append(window)
-
-    def _hear(self, frame: int, features: np.ndarray, speech: bool) -> None:
-        self._heard[frame] = features, speech
-        self._last_heard = frame
 
     @property
     def _bounds(self) -> list[Constraint]:
@@ -293,24 +227,6 @@ class Selector:
         if asked != self._asked:
             self._asked, self._admission = asked, self._controls.admit(*asked)
 
-    def _speaks(self, frame: int) -> bool:
-        """Whether a frame is speech; up to a window after the last one known, it is taken to be like that."""
-        if frame not in self._heard and self._last_heard < frame <= self._last_heard + WINDOW:
-            frame = self._last_heard
-        return self._heard.get(frame, _SILENCE)[1]
-
-    def _is_spoken(self, start: int) -> bool:
-        """Whether there is speech in a window that begins here, or so soon after that it prepares for it."""
-        return any(self._speaks(frame) for frame in range(start, start + WINDOW + ONSET))
-
-    def _spoken(self, start: int, frames: int) -> int:
-        """How many of the frames from one on go with speech: up to its end, where that is known."""
-        for frame in range(start, start + frames):
-            if not self._is_spoken(frame) and (frame == start or frame <= self._last_heard):
-                # Too few of them would be a jump.
-                return frame - start if frame - start >= SHORTEST else 0
-        return frames
-
     def _interrupt_rest(self, plan: Plan, soonest: int) -> None:
         """Cut the plan where it rests, or hands retract, although somebody speaks."""
         for window in plan.windows:
@@ -318,7 +234,7 @@ class Selector:
                 first = max(window.start, soonest, self._strokes.free_from)
                 for frame in range(first, window.stop):
                     begin = max(frame - ONSET, first)
-                    if self._speaks(frame) and self._spoken(begin, WINDOW):
+                    if self.hearing.speaks(frame) and self.hearing.spoken(begin, WINDOW):
                         plan.cut(begin)
                         return
 
@@ -330,7 +246,7 @@ class Selector:
             pose = self._search.pose_at(self._search.row(last.sequence, frame))
         else:
             pose = self._search.pose_of(last.keypoints[-1])
-        sound = self._search.audio_of(self._sound(start))
+        sound = self._search.audio_of(self.hearing.sound(start))
         lately = [(seen.sequence, seen.frame) for seen in plan.windows[::-1] if seen.source == "speech"]
         mask, k = self._admission.without(lately), int(self._generator.integers(1, self._k + 1))
         match = self._search.find(pose, sound, mask, k, self._preselection)
@@ -358,18 +274,9 @@ class Selector:
             amplitude=amplitude,
         )
 
-    def _sound(self, start: int) -> np.ndarray:
-        """(m, 28) the sound from a frame on, up to what is known of it where it is live."""
-        stop = start + AUDIO_OFFSETS[-1] + 1
-        if self._last_heard > self._announced:
-            # The search takes what is still to come to be like the last frame.
-            stop = min(stop, max(self._last_heard, start) + 1)
-        frames = range(start, stop)
-        return np.array([self._heard.get(frame, _SILENCE)[0] for frame in frames])
-
     def _shown(self, match: Match, start: int, frames: int, tempo: float) -> np.ndarray:
         """Which frames of the matched sequence a window shows, from the match on: (frames,)."""
-        beats = np.array(self._beats) - start
+        beats = np.array(self.hearing.beats) - start
         if not self._align_beats or any(bound.quantity == "wrist_speed" for bound in self._bounds):
             beats = beats[:0]
         first = max(0, match.frame - BEFORE)

@@ -96,9 +96,9 @@ class GestureSelector(GestureNode):
             self._too_late += 1
             return
         frame, features = round(seen * FRAME_RATE), np.asarray(message.features)
-        self._selector.add_features(frame, features, message.speech, message.header.frame_id, live)
+        self._selector.hearing.add_features(frame, features, message.speech, message.header.frame_id, live)
         for beat in message.beats:
-            self._selector.add_beat(seen + beat)
+            self._selector.hearing.add_beat(seen + beat)
 
     def _on_keyword(self, message: Keyword) -> None:
         if self._is_void(message):

@@ -70,9 +70,9 @@ def refined_windows(
     """
     for heard in speech:
         frame = LEAD_IN + heard.index
-        selector.add_features(frame, heard.features, heard.speech)
+        selector.hearing.add_features(frame, heard.features, heard.speech)
         for beat in heard.beats:
-            selector.add_beat(frame_time(frame) + beat)
+            selector.hearing.add_beat(frame_time(frame) + beat)
     smoother = WindowSmoother()
     for frame in frames:
         for window in selector.plan(frame_time(frame)):

@@ -46,7 +46,7 @@ class Show:
         return self
 
     def hear(self, frame, features, **options):
-        self.chooser.add_features(frame, features, features[COEFFICIENTS] > LEAST_SPEECH, **options)
+        self.chooser.hearing.add_features(frame, features, features[COEFFICIENTS] > LEAST_SPEECH, **options)
 
     def tick(self):
         windows = self.chooser.plan(self.now)

@@ -73,7 +73,7 @@ def shown_with_beats(controls=(), **options):
     chooser.set_emotion("angry")
     chooser.set_controls(controls)
     for beat in BEATS:
-        chooser.add_beat(frame_time(beat))
+        chooser.hearing.add_beat(frame_time(beat))
     return Show(chooser).run(39.0, np.tile(SPEECH, (3, 1)), START + 30)
 
 
@@ -124,7 +124,7 @@ def test_beats_after_a_cut_are_forgotten():
     for beats in (BEATS[BEATS < START + 60], BEATS):
         chooser = selector(align_beats=True)
         for beat in beats:
-            chooser.add_beat(frame_time(beat))
+            chooser.hearing.add_beat(frame_time(beat))
         show = Show(chooser).run(2.0, SPEECH[:60], START + 30)
         chooser.cut(frame_time(START + 60))
         shows.append(show.run(8.0, SPEECH, START + 90))
@@ -133,4 +133,4 @@ def test_beats_after_a_cut_are_forgotten():
 
 def test_a_beat_at_no_moment_is_refused():
     with pytest.raises(InvalidValueError, match="beat"):
-        selector().add_beat(np.nan)
+        selector().hearing.add_beat(np.nan)

@@ -11,7 +11,8 @@ from gesture_bot.base.frames import FRAME_RATE, WINDOW, first_frame_after, frame
 from gesture_bot.base.keypoints import bone_lengths
 from gesture_bot.corpus.recordings import Recording, build_database
 from gesture_bot.matching.controls import Constraint, Controls, LabelConstraint
-from gesture_bot.matching.selector import AHEAD, ONSET, REACT, SHORTEST, SOON, Selector
+from gesture_bot.matching.hearing import ONSET, SHORTEST
+from gesture_bot.matching.selector import AHEAD, REACT, SOON, Selector
 from gesture_bot.matching.settling import BREATH, rest_pose, rest_poses
 from gesture_bot.speech.activity import ActivityStream
 from gesture_bot.speech.audio import SAMPLE_RATE
@@ -104,7 +105,7 @@ def test_a_microphone_wakes_the_arms_within_a_step():
     for piece in np.array_split((heard + noise).astype(np.float32), len(heard) // 533):
         spoken += list(activity.push(piece))
         for frame in features.push(piece):
-            show.chooser.add_features(arrived, frame, spoken[arrived - START], "microphone")
+            show.chooser.hearing.add_features(arrived, frame, spoken[arrived - START], "microphone")
             learned = learned or spoken[arrived - START] * show.now
             arrived += 1
         show.tick()
@@ -388,9 +389,9 @@ def test_bad_input_is_named_and_changes_nothing():
         chooser.set_controls([LabelConstraint("emotion", ("glad",))])
     assert chooser.constraints == (Constraint("wrist_height", "at_least", 80),)
     with pytest.raises(InvalidValueError, match="28 finite numbers"):
-        chooser.add_features(START, np.full(28, np.nan), speech=True)
+        chooser.hearing.add_features(START, np.full(28, np.nan), speech=True)
     with pytest.raises(InvalidValueError, match="28 finite numbers"):
-        chooser.add_features(START, SILENCE_FEATURES[:14], speech=False)
+        chooser.hearing.add_features(START, SILENCE_FEATURES[:14], speech=False)
     with pytest.raises(InvalidValueError, match="1 to 15"):
         selector(k=0)
     with pytest.raises(InvalidValueError, match="pose, audio, pose_only"):
