@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import soxr
+from rclpy.timer import Timer
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.matching.banks import WatchedBanks, triggers
@@ -34,12 +35,12 @@ class WordRecogniser(GestureNode):
         )
         self._banks = WatchedBanks(banks)
         self._process: RecogniserProcess | None = None
+        self._looking: Timer | None = None
         self._signal: tuple[str, int, int] | None = None
         self._cuts = Cuts()
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
         self.listen(Audio, "speech/audio", self._on_audio, STREAM)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)
-        self.every(0.02, self._publish)
         self.every(1.0, self._report)
         self.every(1.0, self._reload)
         self.waits_for("sound without words on speech/audio")
@@ -66,6 +67,7 @@ class WordRecogniser(GestureNode):
             return
         if not self._process:
             self._process = RecogniserProcess(triggers(self._banks.gestures))
+            self._looking = self._looking or self.every(0.02, self._publish)
         if self._signal != (signal := (source, audio.utterance, audio.sample_rate)):
             self._signal = signal
             self._resampler = soxr.ResampleStream(audio.sample_rate, SAMPLE_RATE, 1, dtype="float32")
