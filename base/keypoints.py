@@ -12,6 +12,9 @@ KEYPOINTS = (
 
 INDEX = {name: i for i, name in enumerate(KEYPOINTS)}
 
+WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
+"""Left and right, by index."""
+
 PARENTS = {
     "spine": "pelvis", "neck": "spine", "head": "neck", "head_top": "head",
     "left_hip": "pelvis", "right_hip": "pelvis",

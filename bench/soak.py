@@ -123,10 +123,11 @@ class Soak(Recorder):
         times, positions = record.joint_positions()
         wrists = robot_wrists(self._robot, positions)
         for heard in record.keywords:
-            stroke = measured_stroke(record, heard, times, wrists)
+            later = self.look_ahead if heard.message.header.frame_id == "microphone" else 0.0
+            stroke = measured_stroke(record, heard, times, wrists, later)
             self.keywords += 1
             if stroke is not None:
-                self.strokes.append(stroke - heard.stamp)
+                self.strokes.append(stroke - heard.stamp - later)
         planned_times, planned = planned_joints(record)
         for begin in np.arange(times[0] + 1.0, times[-1] - SLICE - 1.0, SLICE):
             part = (times >= begin) & (times < begin + SLICE)

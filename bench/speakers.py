@@ -17,7 +17,7 @@ from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.evaluate.held_sentences import HELD_SENTENCES
-from gesture_bot.matching.emotions import Emotion
+from gesture_bot.matching.emotions import NEUTRAL
 from gesture_bot.matching.selector import Selector
 from gesture_bot.matching.speaker import Speaker, speech_statistics
 from gesture_bot.refine.offline import refined_windows
@@ -30,9 +30,6 @@ from gesture_bot.speech.voice import load_voice
 LENGTH = 600 * SAMPLE_RATE
 """Speech that windows are chosen for (10 minutes); shorter speech is repeated."""
 
-PLAIN = {"neutral": Emotion("neutral", 0.0, 0.0, (), (), 1.0, 1.0)}
-"""All motion of the database may be chosen."""
-
 PASSAGE = 5 * SAMPLE_RATE
 """Loud and soft passages take turns."""
 
@@ -44,7 +41,7 @@ def chosen(database: Database, samples: np.ndarray, normalised: bool) -> tuple[f
     """How widely the windows spread over the database's sequences [bit], and their audio distance."""
     heard = np.resize(samples, LENGTH)
     speech = speech_frames(heard)
-    selector = Selector(database, {}, PLAIN)
+    selector = Selector(database, {}, NEUTRAL)
     push = Speaker.push if normalised else lambda self, features, speech: features
     with patch.object(Speaker, "push", push):
         windows = [window for window, _ in refined_windows(selector, speech, range(len(speech)))]

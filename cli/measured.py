@@ -8,6 +8,7 @@ from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.recorder import Heard, Record
 from gesture_bot.refine.smoothing import RADIUS
 from gesture_bot.retarget.kinematics import Kinematics
+from gesture_bot.retarget.retargeter import TICK_RATE
 from gesture_bot.retarget.robot import Robot
 
 
@@ -63,7 +64,7 @@ def planned_joints(record: Record) -> tuple[np.ndarray, np.ndarray]:
     plan: dict[int, np.ndarray] = {}
     for heard in record.trajectories:
         trajectory = trajectory_from(heard.message, heard.arrival)
-        frames = np.round(trajectory.times * FRAME_RATE).astype(int)
-        plan = {frame: angles for frame, angles in plan.items() if frame < frames[0]}
-        plan.update(zip(frames.tolist(), trajectory.positions, strict=True))
-    return np.array(list(plan)) / FRAME_RATE, np.array(list(plan.values()))
+        ticks = np.round(trajectory.times * TICK_RATE).astype(int)
+        plan = {tick: angles for tick, angles in plan.items() if tick < ticks[0]}
+        plan.update(zip(ticks.tolist(), trajectory.positions, strict=True))
+    return np.array(list(plan)) / TICK_RATE, np.array(list(plan.values()))

@@ -12,10 +12,10 @@ from tqdm import tqdm
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.files import write_whole
 from gesture_bot.base.frames import WINDOW
-from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.keypoints import WRISTS
 from gesture_bot.corpus.database import Database
 from gesture_bot.matching.controls import Constraint, Controls
-from gesture_bot.matching.emotions import Emotion
+from gesture_bot.matching.emotions import NEUTRAL
 from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.matching.search import eligible
 from gesture_bot.matching.selector import Selector
@@ -40,9 +40,7 @@ NEAR = 0.1
 LIVELY = 0.4
 """Least variation, as a share of that without a control: with less, the robot looks stuck."""
 
-_WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
 
-_PLAIN = {"neutral": Emotion("neutral", 0.0, 0.0, (), (), 1.0, 1.0)}
 """No emotion takes part: all motion of the database may be chosen."""
 
 
@@ -147,7 +145,7 @@ class _Motion:
     def reach(self, refined: bool) -> float:
         """How far the wrists go from their mean places [m]."""
         keypoints = self.refined[self.spoken] if refined else np.concatenate(self.windows)
-        return float(np.sqrt(keypoints[:, _WRISTS].var(axis=0).sum()))
+        return float(np.sqrt(keypoints[:, WRISTS].var(axis=0).sum()))
 
 
 def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row]:
@@ -160,7 +158,7 @@ def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row
     Raises:
         InvalidValueError: There is no speech, or nothing moves to it.
     """
-    selector = Selector(database, gestures={}, emotions=_PLAIN)
+    selector = Selector(database, gestures={}, emotions=NEUTRAL)
     controls, measured = Controls(database), measure(database)
     free = _motion(selector, speech)
     if free.reach(refined=False) == 0:
@@ -169,7 +167,7 @@ def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row
     for name, constraint in tqdm(CONTROLS.items(), "trying the controls", unit="control"):
         sequences, frames = np.nonzero(eligible(controls.admit([constraint]).mask))
         left = database.starts[sequences, None] + frames[:, None] + np.arange(WINDOW)
-        selector = Selector(database, gestures={}, emotions=_PLAIN)
+        selector = Selector(database, gestures={}, emotions=NEUTRAL)
         selector.set_controls([constraint])
         motion = _motion(selector, speech)
         rows.append(

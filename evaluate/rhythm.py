@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from gesture_bot.base.files import write_whole
 from gesture_bot.base.frames import FRAME_RATE
-from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.keypoints import WRISTS
 from gesture_bot.corpus.database import Database
-from gesture_bot.matching.emotions import Emotion
+from gesture_bot.matching.emotions import NEUTRAL
 from gesture_bot.matching.rhythm import motion_beats
 from gesture_bot.matching.selector import Selector
 from gesture_bot.refine.offline import LEAD_IN, SpokenMotion, spoken_motion
@@ -34,9 +34,7 @@ STAGES = ("found", "refined", "recorded")
 
 _COLORS = {False: "#59636e", True: "#1f6fb2"}
 
-_WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
 
-_PLAIN = {"neutral": Emotion("neutral", 0.0, 0.0, (), (), 1.0, 1.0)}
 """No emotion takes part: all motion of the database may be chosen."""
 
 
@@ -132,7 +130,7 @@ def rhythm_table(database: Database, speeches: Iterable[Speech]) -> list[Row]:
         heard, beats = speech_frames(speech.samples), speech_beats(speech.samples)
         length = len(heard) / FRAME_RATE
         for aligned, seed in product((False, True), range(RUNS)):
-            selector = Selector(database, {}, _PLAIN, K, seed=seed, align_beats=aligned)
+            selector = Selector(database, {}, NEUTRAL, K, seed=seed, align_beats=aligned)
             motion = spoken_motion(selector, heard)
             motions.setdefault(("found", aligned), []).append(_found(motion, beats, length))
             motions.setdefault(("refined", aligned), []).append(_refined(motion, beats, length))
@@ -153,7 +151,7 @@ def rhythm_table(database: Database, speeches: Iterable[Speech]) -> list[Row]:
 
 def jerk(keypoints: np.ndarray) -> np.ndarray:
     """Mean jerk of the two wrists, (n, 17, 3) -> (n - 3,) [m/s3]."""
-    third = np.diff(keypoints[:, _WRISTS], n=3, axis=0) * FRAME_RATE**3
+    third = np.diff(keypoints[:, WRISTS], n=3, axis=0) * FRAME_RATE**3
     return np.linalg.norm(third, axis=-1).mean(axis=-1)
 
 

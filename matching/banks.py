@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -176,8 +176,8 @@ class WatchedBanks:
 
     def __init__(self, folder: str | Path = "shipped") -> None:
         self._folder = folder
-        self._files = self._look()
-        self.gestures = load_banks(folder)
+        self._files = _fingerprint(folder)
+        self.gestures = _read(folder, self._files)
 
     def changed(self) -> bool:
         """Look at the files; where one is new, changed or gone, read all again.
@@ -185,19 +185,29 @@ class WatchedBanks:
         Raises:
             FileFormatError: See load_banks. The gestures stay, and nothing is read until the next change.
         """
-        files = self._look()
+        files = _fingerprint(self._folder)
         if files == self._files:
             return False
         self._files = files
-        self.gestures = load_banks(self._folder)
+        self.gestures = _read(self._folder, files)
         return True
 
-    def _look(self) -> dict[Path, tuple[int, int]]:
-        files = {}
-        for path in _bank_files(self._folder):
-            with suppress(OSError):  # an editor has just moved it away
-                files[path] = (path.stat().st_mtime_ns, path.stat().st_size)
-        return files
+
+_Files = tuple[tuple[Path, int, int], ...]
+
+
+@lru_cache(maxsize=2)
+def _read(folder: str | Path, _files: _Files) -> dict[str, Gesture]:
+    """The banks as these files are: the nodes of a process read them but once."""
+    return load_banks(folder)
+
+
+def _fingerprint(folder: str | Path) -> _Files:
+    files = []
+    for path in _bank_files(folder):
+        with suppress(OSError):  # an editor has just moved it away
+            files.append((path, path.stat().st_mtime_ns, path.stat().st_size))
+    return tuple(files)
 
 
 def _bank_files(folder: str | Path) -> list[Path]:

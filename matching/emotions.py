@@ -43,6 +43,10 @@ class Emotion:
     voice: Manner = PLAIN
 
 
+NEUTRAL = {"neutral": Emotion("neutral", 0.0, 0.0, (), (), 1.0, 1.0)}
+"""The emotion that changes nothing and leaves all motion of a database, for those who measure."""
+
+
 class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 

@@ -64,7 +64,8 @@ class Hearing:
         if speaker not in self._speakers:
             self._speakers[speaker] = Speaker(*self._voice)
         features = self._speakers[speaker].push(np.asarray(features), speech)
-        if live and frame <= self.announced:
+        # Of two that are heard live, the one who speaks counts.
+        if live and (frame <= self.announced or (not speech and self._heard.get(frame, _SILENCE)[1])):
             return
         self._hear(frame, features, speech)
         if not live:

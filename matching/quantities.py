@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from gesture_bot.base.frames import FRAME_RATE, WINDOW
-from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.keypoints import INDEX, WRISTS
 from gesture_bot.base.vectors import length
 from gesture_bot.corpus.database import SEQUENCE, Database
 
@@ -19,7 +19,6 @@ TWO_HANDED: tuple[Quantity, ...] = ("wrist_asymmetry", "hand_span")
 
 UNITS: dict[Quantity, str] = {**dict.fromkeys(QUANTITIES, "m"), "wrist_speed": "m/s"}
 
-_WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
 
 _REACH = WINDOW // 2  # frames before and after a frame that its speed looks at
 _BLOCK = 1 << 15  # frames measured at once: a long database is not copied as a whole
@@ -27,7 +26,7 @@ _BLOCK = 1 << 15  # frames measured at once: a long database is not copied as a 
 
 def wrist_height(keypoints: np.ndarray) -> np.ndarray:
     """Height of each wrist over the pelvis: (n, 17, 3) -> (n, 2) left and right [m]."""
-    return keypoints[:, _WRISTS, 2] - keypoints[:, INDEX["pelvis"], None, 2]
+    return keypoints[:, WRISTS, 2] - keypoints[:, INDEX["pelvis"], None, 2]
 
 
 def wrist_speed(keypoints: np.ndarray, stretches: np.ndarray | None = None) -> np.ndarray:
@@ -46,26 +45,26 @@ def wrist_speed(keypoints: np.ndarray, stretches: np.ndarray | None = None) -> n
     first = np.searchsorted(stretches, stretches, "left")
     last = np.searchsorted(stretches, stretches, "right") - 1
     begin, end = np.maximum(frames - _REACH, first), np.minimum(frames + _REACH, last)
-    steps = np.linalg.norm(np.diff(keypoints[:, _WRISTS], axis=0), axis=-1)
+    steps = np.linalg.norm(np.diff(keypoints[:, WRISTS], axis=0), axis=-1)
     path = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     return (path[end] - path[begin]) * FRAME_RATE / np.maximum(end - begin, 1)[:, None]
 
 
 def wrist_asymmetry(keypoints: np.ndarray) -> np.ndarray:
     """Difference of the two wrists' heights: (n, 17, 3) -> (n, 1) [m]."""
-    left, right = _WRISTS
+    left, right = WRISTS
     return np.abs(keypoints[:, left, 2:] - keypoints[:, right, 2:])
 
 
 def hand_radius(keypoints: np.ndarray) -> np.ndarray:
     """Distance of each wrist from the pelvis's vertical axis: (n, 17, 3) -> (n, 2) left and right [m]."""
-    across = keypoints[:, _WRISTS, :2] - keypoints[:, INDEX["pelvis"], None, :2]
+    across = keypoints[:, WRISTS, :2] - keypoints[:, INDEX["pelvis"], None, :2]
     return np.linalg.norm(across, axis=-1)
 
 
 def hand_span(keypoints: np.ndarray) -> np.ndarray:
     """Distance between the wrists: (n, 17, 3) -> (n, 1) [m]."""
-    left, right = _WRISTS
+    left, right = WRISTS
     return length(keypoints[:, left] - keypoints[:, right])
 
 

@@ -7,7 +7,7 @@ they are moved onto those of the speech.
 import numpy as np
 
 from gesture_bot.base.frames import FRAME_RATE
-from gesture_bot.base.keypoints import INDEX
+from gesture_bot.base.keypoints import WRISTS
 
 STRETCH = 0.25
 """A window is played at most by this share faster or slower than at its tempo, at every moment."""
@@ -24,7 +24,6 @@ NEAR = 2.0
 _EFFORT = 0.1
 """A stretch of STRETCH is worth a beat that comes so much nearer [frames]."""
 
-_WRISTS = [INDEX["left_wrist"], INDEX["right_wrist"]]
 
 _RATES = np.linspace(-STRETCH, STRETCH, 11)
 _WARPS = np.array(
@@ -46,7 +45,7 @@ def motion_beats(keypoints: np.ndarray) -> np.ndarray:
     """
     if len(keypoints) < 1 + BEFORE + AFTER:
         return np.zeros(0)
-    speed = np.linalg.norm(np.diff(keypoints[:, _WRISTS], axis=0), axis=-1).mean(axis=-1) * FRAME_RATE
+    speed = np.linalg.norm(np.diff(keypoints[:, WRISTS], axis=0), axis=-1).mean(axis=-1) * FRAME_RATE
     gained = np.diff(speed) * FRAME_RATE  # [m/s2], of the frames from the second on
     before, here, after = gained[:-2], gained[1:-1], gained[2:]
     beats = np.flatnonzero((here < before) & (here <= after) & (here < -LEAST_BRAKING))

@@ -11,6 +11,9 @@ from gesture_bot.speech.beats import load_intervals
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.streaming import Packet, SpeechStream
 
+SOURCES = 8
+"""So many sources are known at once."""
+
 
 class FeatureStreamer(GestureNode):
     """Cuts the sound of each source into frames of 1/15 s on the grid and publishes their features."""
@@ -33,8 +36,11 @@ class FeatureStreamer(GestureNode):
         source, moment = audio.header.frame_id, seconds(audio.header.stamp)
         if self._cuts.void(source, audio.utterance, moment):
             return
-        if source not in self._streams:
-            self._streams[source] = SpeechStream(self._intervals)
+        # In the order in which they were heard last; each one takes some memory.
+        stream = self._streams.pop(source) if source in self._streams else SpeechStream(self._intervals)
+        self._streams[source] = stream
+        while len(self._streams) > SOURCES:
+            del self._streams[next(iter(self._streams))]
         packet = Packet(
             audio.utterance,
             moment,
@@ -42,7 +48,7 @@ class FeatureStreamer(GestureNode):
             np.asarray(audio.samples, np.float32),
             audio.last,
         )
-        for frame in self._streams[source].push(packet, self.now()):
+        for frame in stream.push(packet, self.now()):
             message = SpeechFeatures(features=frame.features.astype(np.float32), speech=frame.speech)
             message.beats = list(frame.beats)
             message.header.stamp = stamp(frame_time(frame.index))

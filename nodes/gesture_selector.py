@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.base.frames import FRAME_RATE, KeypointClip
+from gesture_bot.base.frames import FRAME_RATE, KeypointClip, first_frame_after
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.banks import WatchedBanks
 from gesture_bot.matching.emotions import load_emotions
@@ -95,7 +95,7 @@ class GestureSelector(GestureNode):
         if seen < self.now():
             self._too_late += 1
             return
-        frame, features = round(seen * FRAME_RATE), np.asarray(message.features)
+        frame, features = first_frame_after(seen), np.asarray(message.features)
         self._selector.hearing.add_features(frame, features, message.speech, message.header.frame_id, live)
         for beat in message.beats:
             self._selector.hearing.add_beat(seen + beat)

@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.exceptions import InvalidTopicNameException
+
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.nodes.node import PLAN, GestureNode
 from gesture_bot.speech.transcripts import Transcript
 
@@ -29,7 +32,10 @@ def listen(node: GestureNode, on_words: Callable[[list[str], float], None]) -> N
         for gone in heard.keys() - set(voices.ids):
             node.destroy_subscription(heard.pop(gone))
         for voice in set(voices.ids) - heard.keys():
-            heard[voice] = node.listen(LiveSpeech, f"{VOICES}/{voice}/speech", _follow(on_words), PLAN)
+            try:
+                heard[voice] = node.listen(LiveSpeech, f"{VOICES}/{voice}/speech", _follow(on_words), PLAN)
+            except InvalidTopicNameException as error:
+                raise InvalidValueError("the id of a voice is no part of a topic's name", voice) from error
 
     node.listen(IdsList, f"{VOICES}/tracked", on_tracked, PLAN)
 

@@ -1,6 +1,7 @@
 """Words in, keywords of the semantic banks out."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from gesture_bot.matching.banks import WatchedBanks, triggers
@@ -19,6 +20,15 @@ RECOGNISED_PATIENCE = 0.45
 """The same for words that are recognised, which come when they have been said [s]."""
 
 
+@dataclass
+class _Source:
+    """A source of words, the last of them, and when it came [s since the epoch]."""
+
+    spotter: keywords.KeywordSpotter
+    last: WordMessage
+    heard: float
+
+
 class KeywordSpotter(GestureNode):
     """Finds the trigger words and phrases of the semantic banks among the words that are heard."""
 
@@ -26,8 +36,9 @@ class KeywordSpotter(GestureNode):
         super().__init__(name, **options)
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         self._banks = WatchedBanks(banks)
-        self._spotter = keywords.KeywordSpotter(triggers(self._banks.gestures))
-        self._heard, self._last = 0.0, WordMessage(confidence=1.0)
+        self._triggers = triggers(self._banks.gestures)
+        keywords.KeywordSpotter(self._triggers)  # a bad trigger is told at the start
+        self._sources: dict[str, _Source] = {}
         self._cuts = Cuts()
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)
@@ -40,16 +51,21 @@ class KeywordSpotter(GestureNode):
     def _on_cut(self, cut: Cut) -> None:
         moment = seconds(cut.header.stamp)
         self._cuts.add(cut.header.frame_id, cut.utterance, moment)
-        self._spotter.cut(moment)
+        if source := self._sources.get(cut.header.frame_id):
+            source.spotter.cut(moment)
 
     def _on_word(self, message: WordMessage) -> None:
-        begin = seconds(message.header.stamp)
-        if self._cuts.void(message.header.frame_id, message.utterance, begin):
+        name, begin = message.header.frame_id, seconds(message.header.stamp)
+        if self._cuts.void(name, message.utterance, begin):
             return
+        if name not in self._sources:
+            self._sources[name] = _Source(keywords.KeywordSpotter(self._triggers), message, 0.0)
+        source = self._sources[name]
+        if source.last.utterance != message.utterance:
+            self._publish(source, source.spotter.flush())
+        source.last, source.heard = message, self.now()
         word = Word(message.text, begin, begin + message.duration, begin + message.stress)
-        self._heard = self.now()
-        self._last = message
-        self._publish(self._spotter.spot([word]))
+        self._publish(source, source.spotter.spot([word]))
 
     def _on_transcript(self, words: list[str], confidence: float) -> None:
         """Words of a recogniser that tells no times: they have just been said."""
@@ -60,24 +76,27 @@ class KeywordSpotter(GestureNode):
 
     def _reload(self) -> None:
         if self._banks.changed():
-            self._spotter.set_triggers(triggers(self._banks.gestures))
+            self._triggers = triggers(self._banks.gestures)
+            for source in self._sources.values():
+                source.spotter.set_triggers(self._triggers)
 
     def _flush(self) -> None:
         """Words that may become a longer phrase have waited long enough."""
-        known = self._last.confidence == 1.0
-        if self.now() - self._heard > (PATIENCE if known else RECOGNISED_PATIENCE):
-            self._publish(self._spotter.flush())
+        for source in self._sources.values():
+            known = source.last.confidence == 1.0
+            if self.now() - source.heard > (PATIENCE if known else RECOGNISED_PATIENCE):
+                self._publish(source, source.spotter.flush())
 
-    def _publish(self, found: Iterable[keywords.Spotted]) -> None:
+    def _publish(self, source: _Source, found: Iterable[keywords.Spotted]) -> None:
         for spotted in found:
             keyword = Keyword(
                 gesture=spotted.gesture,
                 phrase=spotted.phrase,
                 begin=stamp(spotted.start),
                 duration=spotted.end - spotted.start,
-                confidence=self._last.confidence,
-                utterance=self._last.utterance,
+                confidence=source.last.confidence,
+                utterance=source.last.utterance,
             )
             keyword.header.stamp = stamp(spotted.stress)
-            keyword.header.frame_id = self._last.header.frame_id
+            keyword.header.frame_id = source.last.header.frame_id
             self._publisher.publish(keyword)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import soxr
 
-from gesture_bot.base.errors import DeviceError
+from gesture_bot.base.errors import DeviceError, InvalidValueError
 from gesture_bot.msg import Audio, Cut
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds
 from gesture_bot.speech import devices
@@ -72,6 +72,8 @@ class Loudspeaker(GestureNode):
         source, moment = audio.header.frame_id, seconds(audio.header.stamp)
         if not self._loudspeaker or source not in PLAYED or self._cuts.void(source, audio.utterance, moment):
             return
+        if not audio.sample_rate:
+            raise InvalidValueError("sound needs a sample rate; got", audio.sample_rate, ["1 Hz and more"])
         playback = self._loudspeaker.playback
         if self._utterance != (source, audio.utterance) or moment - self._next > LOST:
             self._utterance = source, audio.utterance
@@ -80,11 +82,11 @@ class Loudspeaker(GestureNode):
         samples = np.asarray(audio.samples, np.float32)
         # What the resampler still holds belongs before the piece, so that pieces follow each other evenly.
         resampled = self._resampler.resample_chunk(samples, last=audio.last)
-        playback.put(self._next, resampled)
+        playback.put(self._next, resampled, audio.utterance)
         self._next += len(resampled) / playback.rate
 
     def _on_cut(self, cut: Cut) -> None:
         moment = seconds(cut.header.stamp)
         self._cuts.add(cut.header.frame_id, cut.utterance, moment)
         if self._loudspeaker and cut.header.frame_id in PLAYED:
-            self._loudspeaker.playback.cut(moment)
+            self._loudspeaker.playback.cut(moment, cut.utterance)

@@ -51,8 +51,8 @@ def trajectory_from(message: JointTrajectoryMessage, now: float) -> JointTraject
                 f"a trajectory point has {len(point.positions)} positions and {len(point.velocities)} "
                 f"velocities for {len(joints)} joints"
             )
-    if not message.points:
-        raise InvalidValueError("a joint trajectory has no points")
+    if not message.points or not joints:
+        raise InvalidValueError("a joint trajectory has no points or no joints")
     begin = seconds(message.header.stamp) or now
     return JointTrajectory(
         joints,

@@ -7,13 +7,14 @@ import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from trajectory_msgs.msg import JointTrajectory
 
-from gesture_bot.base.errors import DeviceError
+from gesture_bot.base.errors import DeviceError, InvalidValueError
 from gesture_bot.msg import Audio, Cut
 from gesture_bot.nodes import audio_common
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds, stamp
 from gesture_bot.speech import devices
 from gesture_bot.speech.gate import MicrophoneGate
+from gesture_bot.speech.liveness import Liveness
 
 SOURCE = "microphone"
 """frame_id of its sound."""
@@ -49,7 +50,7 @@ class Microphone(GestureNode):
             False,
             "Whether others are heard while the robot speaks, and its own voice",
         )
-        self._gate = MicrophoneGate()
+        self._gate, self._liveness = MicrophoneGate(), Liveness()
         self._microphone: devices.Microphone | None = None
         self._trouble = ""
         self._utterance = 0
@@ -78,8 +79,8 @@ class Microphone(GestureNode):
 
     def _open(self) -> None:
         try:
-            self._microphone = devices.Microphone(self._device, self._hear)
             self._utterance += 1
+            self._microphone = devices.Microphone(self._device, self._hear)
             self._trouble = ""
         except DeviceError as error:
             if str(error) != self._trouble:
@@ -95,14 +96,17 @@ class Microphone(GestureNode):
             if not self._microphone:
                 self._open()
         troubles = [self._trouble] if self._trouble else []
-        if not troubles and self.now() - self._sounded > MUTED:
+        if not troubles and self.now() - self._until > MUTED:
+            troubles = ["no sound comes"]
+        elif not troubles and self.now() - self._sounded > MUTED:
             troubles = ["digital silence: is the microphone muted?"]
         self.diagnose(diagnostic("microphone", troubles, "running"))
 
     def _on_topic(self, moment: float | None, rate: int, samples: np.ndarray) -> None:
-        length = len(samples) / rate if rate > 0 else 0.0
+        if rate <= 0:
+            raise InvalidValueError("sample rate of the sound on audio", rate, ["1 Hz and more"])
         if moment is None:
-            arrived = self.now() - length
+            arrived = self.now() - len(samples) / rate
             moment = self._until if abs(arrived - self._until) < HOLE else arrived
         self._publish(moment, rate, samples)
 
@@ -118,11 +122,12 @@ class Microphone(GestureNode):
         message.header.stamp, message.header.frame_id = stamp(moment), SOURCE
         message.samples.frombytes(self._gate.passed(moment, rate, samples).astype(np.float32).tobytes())
         self._audio.publish(message)
-        self._until = moment + len(samples) / max(rate, 1)
+        self._until = moment + len(samples) / rate
 
     def _on_audio(self, audio: Audio) -> None:
-        if audio.header.frame_id != SOURCE and audio.sample_rate:
-            begin = seconds(audio.header.stamp)
+        source, begin = audio.header.frame_id, seconds(audio.header.stamp)
+        # What is announced is the robot's own; others that speak live are no reason to be deaf.
+        if audio.sample_rate and not self._liveness.is_live(source, audio.utterance, begin, self.now()):
             self._gate.speaks(begin, begin + len(audio.samples) / audio.sample_rate)
 
     def _on_cut(self, cut: Cut) -> None:

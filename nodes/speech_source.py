@@ -140,7 +140,8 @@ class SpeechSource(GestureNode):
         super().destroy_node()
 
     def _synthesise(self, voice: Voice) -> None:
-        voice.speak("ready")  # the first text loads dictionaries
+        with suppress(Exception):  # the first text loads dictionaries
+            voice.speak("ready")
         while (text := self._to_speak.get()) is not None:
             if text.dropped:
                 continue

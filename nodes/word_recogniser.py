@@ -21,6 +21,15 @@ OTHERS = "others"
 
 VOICE = "voice"
 
+SILENT = 1.0
+"""A source that is silent for so long gives way to another [s]."""
+
+STALE = 5.0
+"""Older sound is not listened to [s]."""
+
+PAUSE = 10.0
+"""From the end of a process that failed to the start of the next [s]."""
+
 
 class WordRecogniser(GestureNode):
     """Recognises the words of sound that brings none; its process starts with the first such sound."""
@@ -36,6 +45,7 @@ class WordRecogniser(GestureNode):
         self._banks = WatchedBanks(banks)
         self._process: RecogniserProcess | None = None
         self._looking: Timer | None = None
+        self._again = self._sounded = 0.0
         self._signal: tuple[str, int, int] | None = None
         self._cuts = Cuts()
         self._words = self.create_publisher(WordMessage, "speech/words", PLAN)
@@ -63,9 +73,19 @@ class WordRecogniser(GestureNode):
             raise InvalidValueError(
                 "sound needs a sample rate and finite samples; got rate", audio.sample_rate
             )
-        if self._cuts.void(source, audio.utterance, moment):
+        now = self.now()
+        if moment < now - STALE or self._cuts.void(source, audio.utterance, moment):
+            return
+        # One source is listened to at a time: another one may begin when it has fallen silent.
+        if samples.any():
+            if self._signal and self._signal[0] != source and now < self._sounded + SILENT:
+                return
+            self._sounded = now
+        elif not self._signal or self._signal[0] != source:
             return
         if not self._process:
+            if now < self._again:
+                return
             self._process = RecogniserProcess(triggers(self._banks.gestures))
             self._looking = self._looking or self.every(0.02, self._publish)
         if self._signal != (signal := (source, audio.utterance, audio.sample_rate)):
@@ -87,7 +107,7 @@ class WordRecogniser(GestureNode):
         try:
             words = self._process.words()
         except GestureBotError:
-            self._process = None  # the next sound starts another
+            self._process, self._again = None, self.now() + PAUSE
             raise
         for key, word in words:
             message = _message(key, word)

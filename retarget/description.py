@@ -97,7 +97,7 @@ class Bus(_Section):
 
     baudrate: int = Field(gt=0)
     protocol: float = Field(ge=2.0, le=2.0)
-    lag_ms: float = Field(0.0, ge=0, le=200)
+    lag_ms: float = Field(0.0, ge=0, le=100)
     watchdog_ms: int = Field(ge=20, le=2540, multiple_of=20)
     on_exit: Literal["rest_then_off", "hold", "off"]
 

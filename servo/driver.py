@@ -44,7 +44,7 @@ class Feedback:
         positions: (j,) [rad].
         velocities: (j,) [rad/s].
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
-        planned: (j,) where they were to be now [rad]; NaN where nothing is planned.
+        planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
         stamp: Midway between question and answer [s since the epoch].
     """
 
@@ -158,7 +158,7 @@ class Driver:
         Raises:
             InvalidValueError: It is not a trajectory for these joints. What was planned before goes on.
         """
-        self._plan.add(trajectory, self._sampled)
+        self._plan.add(trajectory, self._sampled + self._lag)
         self._fresh = True
 
     def tick(self, now: float) -> Feedback:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -93,39 +94,52 @@ class Loudspeaker:
         _closed(self._stream)
 
 
-def _portaudio() -> ModuleType:
-    """The sounddevice package; it looks for new devices while none is open."""
+@cache
+def _library() -> ModuleType | DeviceError:
+    """The sounddevice package, or why there is none; which does not change, and takes a while to find out."""
     try:
         import sounddevice
     except OSError as error:
-        raise DeviceError(
-            f"no sound card can be used ({str(error).lower()}): sudo apt install libportaudio2"
-        ) from error
-    if not _open:
-        # PortAudio lists its devices once, when it starts.
-        sounddevice._terminate()
-        sounddevice._initialize()
+        reason = str(error).lower()
+        return DeviceError(f"no sound card can be used ({reason}): sudo apt install libportaudio2")
+    except Exception as error:  # PortAudio does not start: its error has no name without the package
+        return DeviceError(f"no sound card can be used ({error})")
     return sounddevice
+
+
+def _portaudio() -> ModuleType:
+    """The sounddevice package."""
+    library = _library()
+    if isinstance(library, DeviceError):
+        raise library
+    return library
 
 
 def _settings(device: str, direction: str) -> tuple[int, int]:
     """SAMPLE_RATE where a device takes it, which needs no resampling, else its own [Hz]; and its channels."""
     portaudio = _portaudio()
-    names = [d["name"] for d in portaudio.query_devices() if d[f"max_{direction}_channels"]]
     kind = "microphone" if direction == "input" else "loudspeaker"
+    try:
+        if not _open:
+            # PortAudio lists its devices once, when it starts.
+            portaudio._terminate()
+            portaudio._initialize()
+        names = [d["name"] for d in portaudio.query_devices() if d[f"max_{direction}_channels"]]
+    except portaudio.PortAudioError as error:
+        raise DeviceError(f"no sound card can be used ({error})") from error
     if not names:
         raise DeviceError(f"there is no {kind} on this machine")
     try:
         found = portaudio.query_devices(None if device == DEFAULT else device, direction)
     except (ValueError, portaudio.PortAudioError) as error:
         raise DeviceError(f"{kind} not found", device, [DEFAULT, *names]) from error
-    rate, channels = SAMPLE_RATE, found[f"max_{direction}_channels"]
+    rate, channels = SAMPLE_RATE, min(found[f"max_{direction}_channels"], 2)
     try:
         check = getattr(portaudio, f"check_{direction}_settings")
-        check(None if device == DEFAULT else device, channels=min(channels, 2), samplerate=rate)
+        check(None if device == DEFAULT else device, channels=channels, samplerate=rate)
     except portaudio.PortAudioError:
         rate = round(found["default_samplerate"])
-    return rate, min(channels, 2)
+    return rate, channels
 
 
 def _opened(kind: str, device: str, **settings: Any) -> Any:
@@ -134,9 +148,13 @@ def _opened(kind: str, device: str, **settings: Any) -> Any:
         stream = getattr(portaudio, kind)(
             device=None if device == DEFAULT else device, dtype="float32", latency=LATENCY, **settings
         )
-        stream.start()
     except portaudio.PortAudioError as error:
         raise DeviceError(f"the sound card cannot be opened ({error})", device) from error
+    try:
+        stream.start()
+    except portaudio.PortAudioError as error:
+        stream.close(ignore_errors=True)
+        raise DeviceError(f"the sound card cannot be started ({error})", device) from error
     _open.add(stream)
     return stream
 

@@ -18,6 +18,9 @@ _SUBTYPES = {
 }
 _ENDS = {"": "LITTLE", "LE": "LITTLE", "BE": "BIG"}
 
+CHANNELS = 256
+"""Most channels that sound may have."""
+
 FORMATS = tuple(f"{name}{end}" for name in _SUBTYPES for end in (("",) if name[1:] == "8" else ("LE", "BE")))
 """Names of sample formats, as GStreamer writes them."""
 
@@ -28,10 +31,10 @@ def from_bytes(data: bytes, sample_format: str, channels: int) -> np.ndarray:
     Args:
         data: Interleaved samples.
         sample_format: One of FORMATS.
-        channels: How many, at least 1.
+        channels: How many.
 
     Raises:
-        InvalidValueError: The format is unknown, or there is no channel.
+        InvalidValueError: The format is unknown, or the number of channels is.
     """
     if sample_format not in FORMATS:
         raise InvalidValueError("unknown sample format", sample_format, FORMATS)
@@ -61,11 +64,11 @@ def from_numbers(samples: np.ndarray, channels: int) -> np.ndarray:
         raise InvalidValueError(f"the number of samples is no multiple of {channels} channels", len(samples))
     sound = samples.astype(np.float32)
     if samples.dtype.kind != "f":
-        full_scale = np.iinfo(samples.dtype).max / (1 if samples.dtype.kind == "i" else 2)
-        sound = (sound - (0 if samples.dtype.kind == "i" else full_scale)) / np.float32(full_scale)
+        full_scale = np.float32(2 ** (8 * samples.dtype.itemsize - 1))
+        sound = (sound - (full_scale if samples.dtype.kind == "u" else 0)) / full_scale
     return sound.reshape(-1, channels).mean(axis=1)
 
 
 def _check(channels: int) -> None:
-    if channels < 1:
-        raise InvalidValueError("number of channels", channels, ["1 and more"])
+    if not 1 <= channels <= CHANNELS:
+        raise InvalidValueError("number of channels", channels, [f"1 to {CHANNELS}"])

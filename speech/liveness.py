@@ -1,11 +1,13 @@
 """Which speech is announced before it is heard, as a robot's own voice is, and which is heard live."""
 
+from collections import deque
+
 
 class Liveness:
     """Decides by the first message of an utterance: one that comes after its moment is live."""
 
     def __init__(self) -> None:
-        self._decided: dict[str, tuple[int, bool]] = {}
+        self._decided: dict[str, deque[tuple[int, bool]]] = {}
 
     def is_live(self, source: str, utterance: int, moment: float, now: float) -> bool:
         """Whether an utterance of a source is heard live.
@@ -16,7 +18,10 @@ class Liveness:
             moment: When what the message tells of is heard [s since the epoch].
             now: The present [s since the epoch].
         """
-        decided = self._decided.get(source)
-        if decided is None or decided[0] != utterance:
-            decided = self._decided[source] = utterance, moment < now
-        return decided[1]
+        # A word of an utterance may come after the sound of the next one has begun to.
+        decided = self._decided.setdefault(source, deque(maxlen=4))
+        known = next((live for number, live in decided if number == utterance), None)
+        if known is None:
+            known = moment < now
+            decided.append((utterance, known))
+        return known

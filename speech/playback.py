@@ -1,8 +1,6 @@
 """Sound that waits for the moment at which it is heard, for a sound card that asks for it block by block."""
 
 import threading
-from collections import deque
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -21,25 +19,25 @@ class Playback:
 
     def __init__(self, rate: int) -> None:
         self.rate = rate
-        self._pieces: deque[tuple[float, np.ndarray]] = deque()
+        self._pieces: list[tuple[float, np.ndarray, int]] = []
         self._lock = threading.Lock()
         self._next = -np.inf
 
-    def put(self, moment: float, samples: np.ndarray) -> None:
-        """Play samples (n,) from a moment on [s since the epoch]; not before what was put in earlier."""
+    def put(self, moment: float, samples: np.ndarray, utterance: int = 0) -> None:
+        """Play samples (n,) of an utterance from a moment on [s since the epoch]."""
         if len(samples):
             with self._lock:
-                self._pieces.append((moment, samples))
+                self._pieces.append((moment, samples, utterance))
 
-    def cut(self, moment: float) -> None:
-        """Play nothing of what was put in so far from a moment on [s since the epoch]."""
+    def cut(self, moment: float, utterance: int) -> None:
+        """Play nothing of the utterances up to one from a moment on [s since the epoch]."""
         with self._lock:
             kept = []
-            for begin, samples in self._pieces:
-                left = max(0, round((moment - begin) * self.rate))
+            for begin, samples, number in self._pieces:
+                left = max(0, round((moment - begin) * self.rate)) if number <= utterance else len(samples)
                 if left:
-                    kept.append((begin, samples[:left]))
-            self._pieces = deque(kept)
+                    kept.append((begin, samples[:left], number))
+            self._pieces = kept
 
     def read(self, moment: float, count: int) -> np.ndarray:
         """The next samples that the sound card plays.
@@ -58,21 +56,15 @@ class Playback:
             self._next = moment
         block = np.zeros(count, np.float32)
         with self._lock:
-            for begin, samples in self._due(self._next + count / self.rate):
-                first = round((begin - self._next) * self.rate)
-                heard = samples[max(0, -first) : count - first]
-                place = max(0, first)
-                block[place : place + len(heard)] = heard
+            waiting = []
+            for piece in self._pieces:
+                first = round((piece[0] - self._next) * self.rate)
+                if first < count:
+                    heard = piece[1][max(0, -first) : count - first]
+                    place = max(0, first)
+                    block[place : place + len(heard)] = heard
+                if first + len(piece[1]) > count:
+                    waiting.append(piece)
+            self._pieces = waiting
         self._next += count / self.rate
         return block
-
-    def _due(self, end: float) -> Iterator[tuple[float, np.ndarray]]:
-        """Pieces that begin before a moment; those that are over by then are gone afterwards."""
-        over = 0
-        for begin, samples in self._pieces:
-            if begin >= end:
-                break
-            over += begin + len(samples) / self.rate <= end
-            yield begin, samples
-        for _ in range(over):
-            self._pieces.popleft()

@@ -1,5 +1,6 @@
 """The recogniser in a process of its own, since pocketsphinx holds Python's global lock while it decodes."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -145,5 +146,6 @@ def _serve(connection: Connection) -> None:
 
 
 if __name__ == "__main__":
+    os.nice(10)  # the servo bus goes first
     with suppress(EOFError, OSError):
         _serve(Connection(int(sys.argv[1])))

@@ -136,6 +136,8 @@ class SpeechStream:
         length = len(packet.samples) / packet.rate
         if packet.moment + length < now - STALE:
             self.late += length
+            if packet.last and packet.utterance == self._utterance:
+                self.until = None
             return []
         gap = packet.moment - self.until if self.until is not None else np.inf
         if packet.utterance != self._utterance or abs(gap) > LONGEST_GAP:

@@ -12,6 +12,8 @@ class Transcript:
 
     def incremental(self, text: str) -> list[str]:
         """The words beyond those already told; the last one may still be changing, and waits."""
+        if not text.strip():
+            self._told = 0  # the text before has ended without its final form
         return self._new(text.split()[:-1])
 
     def final(self, text: str) -> list[str]:

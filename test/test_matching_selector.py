@@ -142,6 +142,14 @@ def test_announced_speech_is_planned_long_before_it_is_seen():
     assert frame_time(max(show.seen)) >= show.now - 1 / 30 + AHEAD - 1e-6
 
 
+def test_of_two_live_speakers_the_silent_one_does_not_count():
+    show = Show(selector())
+    for frame in range(START + 20, START + 60):
+        show.hear(frame, SPEECH[frame - START], live=True, speaker="somebody")
+        show.hear(frame, SILENCE_FEATURES, live=True, speaker="microphone")
+    assert show.chooser.hearing.spoken(START + 30, 8) == 8
+
+
 @pytest.mark.parametrize("look_ahead", [0.25, 0.8, 1.1])
 def test_live_speech_moves_the_arms_a_look_ahead_later(look_ahead):
     """Each frame is known 0.13 s after it began, as from a microphone."""

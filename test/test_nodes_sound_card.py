@@ -122,4 +122,4 @@ def test_a_sound_card_that_breaks_is_told_and_taken_again(nodes, card):
     wait_until(both_run, 20, "both to be back")
     nodes.record.audio.clear()
     wait_until(lambda: nodes.record.audio, 10, "sound")
-    assert nodes.record.audio[-1].message.utterance == 2
+    assert nodes.record.audio[-1].message.utterance > 1

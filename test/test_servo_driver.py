@@ -13,6 +13,7 @@ from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
+from gesture_bot.servo.mux import MotionMux
 from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
@@ -148,6 +149,30 @@ def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
     times = np.array([feedback.stamp for feedback in told[100:]])
     measured = np.array([feedback.positions[[ELBOW]] for feedback in told[100:]])
     assert motion_lag(times, measured, plan_times, swing) == pytest.approx(left, abs=0.012)
+
+
+def test_a_stop_brakes_evenly_also_where_goals_are_sent_ahead(wire):
+    driver = Driver(robot_with(on_exit="off", lag_ms=45.0), wire.port)
+    driver.start()
+    mux = MotionMux(ROBOT.joints, ROBOT.rest)
+    times = T0 + np.arange(0.0, 4.0, 0.02)
+    swing = ROBOT.rest[ELBOW] + 0.5 - 0.5 * np.cos(2 * np.pi * 0.6 * (times - T0))
+    speed = 0.5 * 2 * np.pi * 0.6 * np.sin(2 * np.pi * 0.6 * (times - T0))
+    mux.set_source("gesture", JointTrajectory(("left_elbow",), times, swing[:, None], speed[:, None]), T0)
+    for tick in range(250):
+        now = T0 + tick * DT
+        if tick == 205:  # in full swing
+            wire.writes.clear()
+            mux.stop()
+            before = driver.status.interventions.acceleration
+        if tick % 4 == 0:
+            driver.set_trajectory(mux.tick(now))
+        driver.tick(now)
+        time.sleep(DT)
+    acceleration = np.abs(np.diff(sent_angles(wire, ELBOW), 2)).max() / DT**2
+    assert acceleration <= ROBOT.limits.acceleration[ELBOW] + 40  # a tick of the servo is 15 rad/s^2
+    assert driver.status.interventions.acceleration - before < 12
+    driver.close()
 
 
 def test_a_trajectory_that_asks_too_much_stays_inside_the_limits_on_the_bus(driver, wire):

@@ -52,12 +52,12 @@ def test_a_card_whose_clock_is_wrong_stays_with_the_time():
 def test_a_cut_silences_what_was_put_in_and_nothing_else():
     playback = Playback(RATE)
     playback.put(BEGIN + 0.1, tone(2.0))
-    playback.put(BEGIN + 2.1, tone(1.0))
+    playback.put(BEGIN + 2.1, tone(1.0), utterance=2)
 
     def at(moment):
         if abs(moment - BEGIN - 0.5) < BLOCK / RATE / 2:
-            playback.cut(moment)
-            playback.put(BEGIN + 1.0, np.full(RATE, 0.5, np.float32))
+            playback.put(BEGIN + 1.0, np.full(RATE, 0.5, np.float32), utterance=3)
+            playback.cut(moment, utterance=2)
 
     heard = played(playback, 3.0, at=at)
     assert np.abs(heard[round(0.2 * RATE) : round(0.45 * RATE)]).max() > 0.9
