@@ -64,7 +64,7 @@ class Selector:
         k: int = 1,
         preselection: Preselection = "pose",
         seed: int = 0,
-        align_beats: bool = True,
+        align_beats: bool = False,
     ) -> None:
         self.hearing = Hearing(database)
         self._database, self._emotions = database, emotions

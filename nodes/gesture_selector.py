@@ -41,7 +41,7 @@ class GestureSelector(GestureNode):
         seed = self.parameter("seed", 0, "Seed of everything that is drawn at random")
         align_beats = self.parameter(
             "align_beats",
-            True,
+            False,
             "Play the windows so that the hands' beats fall on those of the speech (RG22)",
         )
         self._look_ahead = self.parameter(
