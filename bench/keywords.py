@@ -240,11 +240,12 @@ def _with(sound: np.ndarray, listener: Listener) -> tuple[Heard, np.ndarray, flo
 
 def memory() -> int:
     """What the process of the recogniser holds while it hears [MiB]."""
+    others = set(psutil.Process().children())  # of multiprocessing
     process = RecogniserProcess(triggers(load_banks()))
     process.push(("file", 1), 0.0, speak("hibari", KEYWORD_SENTENCES[0]), last=True)
     while not process.words():
         time.sleep(0.1)
-    (child,) = psutil.Process().children()
+    (child,) = set(psutil.Process().children()) - others
     held = round(child.memory_info().rss / 2**20)
     process.close()
     return held

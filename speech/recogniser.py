@@ -49,7 +49,7 @@ SAME = 0.06
 LONGER = 0.1
 """A word that was decided was only the beginning of one that is so much longer [s]: danger, dangerous."""
 
-SHORT, MIDDLE, LONG, PHRASE = (0.12, 0.18), (0.12, 0.12), (0.06, 0.12), (0.06, 0.06)
+SHORT, MIDDLE, LONG, PHRASE = (0.24, 0.18), (0.18, 0.12), (0.12, 0.12), (0.06, 0.12)
 """When words of up to 3, of 4 or 5, and of more sounds, and those of a phrase of interest, are sure enough.
 
 After so long in the best hypothesis, and so long after their end [s]: the fewer the sounds, the more other
