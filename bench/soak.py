@@ -6,6 +6,7 @@ starts each node in a process of its own, as `ros2 launch` does, `--busy` gives 
 
 import argparse
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -154,10 +155,17 @@ class Soak(Recorder):
 def separate_graph(log: Path) -> Iterator[list[psutil.Process]]:
     """Each node in a process of its own, as the launch file starts them."""
     folder = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
+    # The executables look for python3 on the path: it is the one that runs here.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     settings = ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
     with log.open("wb") as output:
         started = [
-            subprocess.Popen([str(folder / node.name), *settings], stdout=output, stderr=output)
+            subprocess.Popen(
+                [str(folder / node.name), *settings],
+                stdout=output,
+                stderr=output,
+                env={**os.environ, "PATH": path},
+            )
             for node in NODES
         ]
         try:
