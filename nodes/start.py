@@ -4,6 +4,7 @@ import importlib
 import os
 import signal
 import sys
+import time
 from collections.abc import Mapping, Sequence
 
 import rclpy
@@ -80,7 +81,8 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except RuntimeError:
-        # Ctrl-C ends rclpy's context at any moment, also while a message is taken.
+        # Ctrl-C may come while a message is taken, and ends rclpy's context a moment later.
+        time.sleep(0.2)
         if rclpy.ok():
             raise
     finally:
