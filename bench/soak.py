@@ -68,6 +68,7 @@ class Soak(Recorder):
         self._live = load_voice("embedded").speak(HEARD).samples
         self._utterance = 0
         self.strokes: list[float] = []
+        self.live_strokes: list[float] = []
         self.lags: list[tuple[float, bool, float]] = []
         self.missed = 0
         self.keywords = self.cancelled = 0
@@ -117,25 +118,27 @@ class Soak(Recorder):
             message.samples.frombytes(block.tobytes())
             self._audio.publish(message)
 
-    def _judge(self, live: tuple[float, float]) -> None:
+    def _judge(self, heard_live: tuple[float, float]) -> None:
         """Take what was measured in a round to the rest."""
         record = self.record
         self.look_ahead = record.states[-1].message.look_ahead
         times, positions = record.joint_positions()
         wrists = robot_wrists(self._robot, positions)
         for heard in record.keywords:
-            later = self.look_ahead if heard.message.header.frame_id == "microphone" else 0.0
+            live = heard.message.header.frame_id == "microphone"
+            later = self.look_ahead if live else 0.0
             stroke = measured_stroke(record, heard, times, wrists, later)
             self.keywords += 1
             if stroke is not None:
-                self.strokes.append(stroke - heard.stamp - later)
+                (self.live_strokes if live else self.strokes).append(stroke - heard.stamp - later)
         planned_times, planned = planned_joints(record)
         for begin in np.arange(times[0] + 1.0, times[-1] - SLICE - 1.0, SLICE):
             part = (times >= begin) & (times < begin + SLICE)
             if part.sum() > 50:
                 lag = motion_lag(times[part], positions[part], planned_times, planned)
                 if lag is not None:
-                    self.lags.append((begin, live[0] < begin - self.look_ahead < live[1], lag))
+                    during = heard_live[0] < begin - self.look_ahead < heard_live[1]
+                    self.lags.append((begin, during, lag))
         known = RADIUS / FRAME_RATE
         self.missed += sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
 
@@ -239,7 +242,8 @@ def main() -> None:
         "lag_ms_median": percentile(lags, 50),
         "lag_ms_p99": percentile(lags, 99),
         "keywords": soak.keywords,
-        "strokes_found": len(soak.strokes),
+        "strokes_found": len(soak.strokes) + len(soak.live_strokes),
+        "live_stroke_to_word_ms_p95": percentile([abs(error) for error in soak.live_strokes], 95),
         "sentences_cancelled": soak.cancelled,
         "memory_mb": round(memory[-1][1] / 2**20),
         "minutes": round(elapsed / 60, 1),
