@@ -2,9 +2,13 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.speech.voice import Word, bare
+
+PAUSE = 0.4
+"""Words further apart than this belong to no phrase: one sentence has ended, and another begins [s]."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Spotted:
 class KeywordSpotter:
     """Finds trigger phrases in words that arrive one by one or many at a time.
 
-    Case and punctuation do not matter. The longest phrase wins, and no word belongs to two phrases.
+    Case and punctuation do not matter. The longest phrase wins, and no word belongs to two phrases. A phrase has
+    no pause in it.
 
     Args:
         triggers: Word or phrase -> name of its gesture.
@@ -69,8 +74,11 @@ class KeywordSpotter:
     def _spot(self, more: bool) -> list[Spotted]:
         found = []
         while self._words:
-            heard = tuple(bare(word.text) for word in self._words)
-            if more and any(len(keys) > len(heard) and keys[: len(heard)] == heard for keys in self._phrases):
+            heard = tuple(bare(word.text) for word in self._spoken_together())
+            waits = more and len(heard) == len(self._words)
+            if waits and any(
+                len(keys) > len(heard) and keys[: len(heard)] == heard for keys in self._phrases
+            ):
                 break
             length = max((len(keys) for keys in self._phrases if heard[: len(keys)] == keys), default=0)
             if length:
@@ -79,3 +87,10 @@ class KeywordSpotter:
                 found.append(Spotted(gesture, phrase, spoken[0].start, spoken[-1].end, spoken[0].stress))
             del self._words[: max(length, 1)]
         return found
+
+    def _spoken_together(self) -> list[Word]:
+        """The words up to the first pause between two."""
+        for count, (word, following) in enumerate(pairwise(self._words), 1):
+            if following.start - word.end > PAUSE:
+                return self._words[:count]
+        return self._words

@@ -80,3 +80,10 @@ def test_in_spoken_text(spotter):
     found = spotter.spot(spoken) + spotter.flush()
     assert gestures(found) == ["everybody", "me"]
     assert found[1].stress == spoken[-1].stress
+
+
+def test_a_phrase_has_no_pause_in_it(spotter):
+    good, morning = words("good morning")
+    later = Word("morning", morning.start + 0.3, morning.end + 0.3, morning.stress + 0.3)
+    assert gestures(spotter.spot([good, later])) == ["yes"]
+    assert gestures(spotter.flush()) == []
