@@ -33,8 +33,8 @@ class Spotted:
 class KeywordSpotter:
     """Finds trigger phrases in words that arrive one by one or many at a time.
 
-    Case and punctuation do not matter. The longest phrase wins, and no word belongs to two phrases. A phrase has
-    no pause in it.
+    Case and punctuation do not matter. The longest phrase wins, and no word belongs to two phrases. A phrase
+    has no pause in it.
 
     Args:
         triggers: Word or phrase -> name of its gesture.
