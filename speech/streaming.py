@@ -31,8 +31,8 @@ STALE = 1.1
 
 _PIECE = 60 * SAMPLE_RATE
 
-DEAD = 1.5
-"""A source that has not ended and is silent for so long has trouble [s]."""
+DEAD, GONE = 1.5, 60.0
+"""A source that has not ended and sends nothing for so long has trouble, and has ended without a word [s]."""
 
 
 @dataclass(frozen=True)
@@ -183,8 +183,11 @@ class SpeechStream:
             found.append(f"{self.late - late:.2f} s of sound came too late")
         if self.clipped > clipped + CLIPPING:
             found.append("the sound is clipped: turn it down")
-        if self.until is not None and now - self.until > DEAD:
-            found.append(f"nothing was heard for {now - self.until:.0f} s")
+        silent = now - self.until if self.until is not None else 0.0
+        if silent > DEAD:
+            found.append(f"nothing was heard for {silent:.0f} s")
+        if silent > GONE:
+            self.until = None
         return found
 
     def _begin(self, packet: Packet) -> None:
