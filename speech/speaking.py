@@ -13,6 +13,9 @@ from gesture_bot.speech.voice import Utterance
 PIECE = SAMPLE_RATE // 10
 """Samples that are given out at once: 100 ms."""
 
+AT_ONCE = 4
+"""So much is given out at once: analysing it must not keep the robot's other work waiting."""
+
 
 @dataclass(eq=False)
 class Spoken:
@@ -73,9 +76,12 @@ class Speaking:
         return spoken
 
     def due(self, now: float) -> list[Spoken | Piece]:
-        """What is to be given out now: an utterance, for its words, before its pieces."""
+        """What is to be given out now: an utterance, for its words, before its pieces.
+
+        No more than AT_ONCE: call it often.
+        """
         due = []
-        while self._waiting and _moment(self._waiting[0]) - self._lead <= now:
+        while self._waiting and _moment(self._waiting[0]) - self._lead <= now and len(due) < AT_ONCE:
             due.append(self._waiting.popleft())
         while self._queue and self._queue[0].end < now:
             self._queue.popleft()
