@@ -80,7 +80,7 @@ class Speaking:
 
         No more than AT_ONCE: call it often.
         """
-        due = []
+        due: list[Spoken | Piece] = []
         while self._waiting and _moment(self._waiting[0]) - self._lead <= now and len(due) < AT_ONCE:
             due.append(self._waiting.popleft())
         while self._queue and self._queue[0].end < now:
