@@ -102,7 +102,7 @@ class SpeechSource(GestureNode):
         self._source = VOICE if speech == "say" or text else FILE
         self._once: Utterance | None = None
         self._begun = False
-        self._complete_at = self.now()
+        self._complete_at: float | None = None
         if speech != "say":
             samples = load_audio(speech)
             self._once = Utterance(samples, align(samples, text))
@@ -195,7 +195,8 @@ class SpeechSource(GestureNode):
         """Publish what is due; what is played once waits for the graph, and ends it."""
         now = self.now()
         if self._once and not self._begun:
-            if not all(map(self.count_subscribers, GRAPH)):
+            # Listeners of a graph that has just ended may still be counted when this one begins to run.
+            if self._complete_at is None or not all(map(self.count_subscribers, GRAPH)):
                 self._complete_at = now
             if now < self._complete_at + CONNECTION:
                 return
