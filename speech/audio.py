@@ -6,7 +6,7 @@ import numpy as np
 import soundfile
 import soxr
 
-from gesture_bot.base.errors import FileFormatError
+from gesture_bot.base.errors import FileFormatError, InvalidValueError
 
 SAMPLE_RATE = 16_000
 """Samples a second (MM22)."""
@@ -32,3 +32,15 @@ def load_audio(path: str | Path) -> np.ndarray:
     if not np.isfinite(samples).all():
         raise FileFormatError(f"{path} holds samples that are not finite numbers")
     return soxr.resample(samples.mean(axis=1), rate, SAMPLE_RATE)
+
+
+def check_samples(samples: np.ndarray) -> None:
+    """Refuse what is no signal.
+
+    Raises:
+        InvalidValueError: The samples are not one channel of finite numbers.
+    """
+    if np.ndim(samples) != 1:
+        raise InvalidValueError("samples are not one channel, shape", np.shape(samples))
+    if not np.isfinite(samples).all():
+        raise InvalidValueError("samples are not all finite numbers")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.speech.audio import check_samples
 from gesture_bot.speech.loudness import LoudnessNormaliser
 
 WINDOW_LENGTH = 400
@@ -36,10 +36,7 @@ class WindowStream:
         Raises:
             InvalidValueError: The samples are not one channel of finite numbers; the stream is as before.
         """
-        if np.ndim(samples) != 1:
-            raise InvalidValueError("samples are not one channel, shape", np.shape(samples))
-        if not np.isfinite(samples).all():
-            raise InvalidValueError("samples are not all finite numbers")
+        check_samples(samples)
         signal = np.concatenate([self._signal, self._loudness.push(samples)])
         count = max(0, 1 + (len(signal) - WINDOW_LENGTH) // HOP)
         self._signal = signal[count * HOP :]
