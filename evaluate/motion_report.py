@@ -14,8 +14,9 @@ from gesture_bot.retarget.follower import JointLimits
 TICK = 2 * np.pi / 4096
 """Resolution of a Dynamixel X-series servo's position [rad] (Present Position: 0.088 degrees a unit)."""
 
-_STAMP_ERROR = 0.002
-"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later."""
+_STAMP_ERROR = 0.004
+"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later. Those
+of the virtual bus, whose process waits for its turn, measure within this 999 times of 1000 on two cores."""
 
 _VELOCITY_SPAN = 0.04
 """Velocities are taken over at least this long [s], so that a tick of the servo does not look like a dash."""
@@ -34,7 +35,7 @@ class MotionReport:
     Attributes:
         limit_violations: Samples of a joint outside its position limits by more than a tick.
         joint_jumps: Changes of a joint from one sample to the next that its velocity limit does not allow
-            in the time between them and 2 ms (the error of the stamps), by more than two ticks (the
+            in the time between them and 4 ms (the error of the stamps), by more than two ticks (the
             rounding of both samples).
         max_velocity_rad_s: Fastest any joint moved, over at least 40 ms [rad/s].
         mean_rate_hz: Samples a second.

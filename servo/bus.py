@@ -2,6 +2,7 @@
 
 import errno
 import termios
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
@@ -47,12 +48,17 @@ class _Port(PortHandler):
     """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop."""
 
     reply_wait = PATIENT_WAIT
+    written_at = 0.0
 
     def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
         self.ser.exclusive = True
         return True
+
+    def writePort(self, packet: list[int]) -> int:  # noqa: N802
+        self.written_at = time.monotonic()
+        return int(super().writePort(packet))
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
@@ -83,6 +89,11 @@ class Bus:
             raise BusError("cannot open the serial port", port, ports) from error
         if not opened:
             raise BusError("the SDK does not know this baud rate", baudrate)
+
+    @property
+    def asked_at(self) -> float:
+        """When the last packet was sent, on the monotonic clock [s]: a servo that is asked measures then."""
+        return self._port.written_at
 
     def hurry(self) -> None:
         """From now on, wait for an answer only as long as a cycle allows."""

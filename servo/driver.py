@@ -45,7 +45,7 @@ class Feedback:
         velocities: (j,) [rad/s].
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
         planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
-        stamp: Midway between question and answer [s since the epoch].
+        stamp: When they were asked [s since the epoch].
     """
 
     positions: np.ndarray

@@ -1,7 +1,5 @@
 """Reading where all servos are, although one or the other may not answer."""
 
-import time
-
 import numpy as np
 
 from gesture_bot.servo.bus import Bus
@@ -22,7 +20,7 @@ class PresentReader:
 
     Attributes:
         present: (j,) PRESENT records, each as it was last heard.
-        read_at: Midway between the last question and its answer, on the monotonic clock [s].
+        read_at: When they were last asked, on the monotonic clock [s]; they measure then.
         failures: Answers that did not come in time, or were damaged, so far.
     """
 
@@ -44,9 +42,8 @@ class PresentReader:
     def read(self) -> None:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
-        asking = time.monotonic()
         answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, self._fast)
-        self.read_at = (asking + time.monotonic()) / 2
+        self.read_at = self._bus.asked_at
         if not answers:
             self.failures += 1
             answers = {i: self._bus.try_read(i, PRESENT_ADDRESS, PRESENT.itemsize) for i in asked}

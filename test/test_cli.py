@@ -34,8 +34,7 @@ def test_demo_shows_all_and_writes_its_files(demo_corpus, tmp_path):
     assert result.returncode == 0, result.stdout + result.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["limit_violations"] == 0
-    # A bus cycle that a busy machine delays is stamped too early, and looks like a jump.
-    assert summary["joint_jumps"] <= 10
+    assert summary["joint_jumps"] == 0
     assert summary["max_velocity_rad_s"] < 1.1 * load_robot("toa").limits.velocity.max()
     assert summary["emotion_changes"] >= 2
     assert summary["teleop_takeovers"] == 1

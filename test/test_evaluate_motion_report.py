@@ -41,13 +41,13 @@ def test_samples_outside_the_limits_are_counted():
 
 def test_jumps_are_counted_there_and_back():
     positions = swinging()
-    positions[100:, 1] += 3.0 * 0.022 + 3 * TICK
+    positions[100:, 1] += 3.0 * 0.024 + 3 * TICK
     positions[200:, 1] = 0.0
     assert motion_report(LIMITS.joints, TIMES, positions, LIMITS).joint_jumps == 2
 
 
-def test_stamps_that_are_off_by_a_millisecond_make_no_jump():
-    off = np.random.default_rng(0).uniform(-1e-3, 1e-3, len(TIMES))
+def test_stamps_that_are_off_by_two_milliseconds_make_no_jump():
+    off = np.random.default_rng(0).uniform(-2e-3, 2e-3, len(TIMES))
     rounded = np.round(swinging() / TICK) * TICK
     assert motion_report(LIMITS.joints, TIMES + off, rounded, LIMITS).joint_jumps == 0
 
