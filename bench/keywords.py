@@ -10,9 +10,8 @@ Latency is counted from the end of the keyword's last word in the sound to the m
 has arrived in which that word becomes sure, plus the time that decoding a piece takes on average. What
 the spotter waits, where a phrase may go on, comes on top.
 
-Nothing was tuned on these sentences: settings were chosen on those of the demo corpus, spoken by hibari
-and joe. espeak, whose formants the acoustic model hardly understands, is told apart and not counted in
-the rest.
+Nothing was tuned on these sentences: settings were chosen on those of the demo corpus. espeak, whose
+formants sound like no person, is told apart and not counted in the rest.
 """
 
 import json

@@ -15,8 +15,10 @@ TICK = 2 * np.pi / 4096
 """Resolution of a Dynamixel X-series servo's position [rad] (Present Position: 0.088 degrees a unit)."""
 
 _STAMP_ERROR = 0.004
-"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later. Those
-of the virtual bus, whose process waits for its turn, measure within this 999 times of 1000 on two cores."""
+"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later.
+
+On the virtual bus, whose process waits for its turn, this holds 999 times of 1000 on two cores.
+"""
 
 _VELOCITY_SPAN = 0.04
 """Velocities are taken over at least this long [s], so that a tick of the servo does not look like a dash."""

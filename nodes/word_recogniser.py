@@ -130,8 +130,8 @@ class WordRecogniser(GestureNode):
 
 def _message(key: Key, word: RecognisedWord) -> WordMessage:
     source, utterance = key
-    duration = word.end - word.start
-    message = WordMessage(text=word.text, utterance=utterance, duration=duration, stress=duration / 2)
+    message = WordMessage(text=word.text, utterance=utterance, duration=word.end - word.start)
+    message.stress = word.stress - word.start
     message.confidence = word.confidence
     message.header.stamp, message.header.frame_id = stamp(word.start), source
     return message

@@ -44,24 +44,36 @@ def align(samples: np.ndarray, text: str) -> tuple[Word, ...]:
         samples: (n,) mono at SAMPLE_RATE.
         text: What is said in them.
     """
-    words = [
+    words = _spelt(text)
+    if (spans := _search(samples, words)) is None:
+        logging.getLogger(__name__).warning(f"the sound does not fit its text: {text:.60}")
+        edges = np.linspace(0, len(samples) / SAMPLE_RATE, len(words) + 1)
+        spans = list(zip(edges[:-1], edges[1:], strict=True))
+    return _timed(words, spans)
+
+
+def fit(samples: np.ndarray, text: str) -> tuple[Word, ...] | None:
+    """The same; None where the sound cannot be the text."""
+    words = _spelt(text)
+    spans = _search(samples, words)
+    return None if spans is None else _timed(words, spans)
+
+
+def _spelt(text: str) -> list[_Spelt]:
+    return [
         spelt
         for symbols, spoken in map(read, sentences(text))
         for word, (first, last) in spoken
         if (spelt := _Spelt(word, *phones_of(symbols[first:last]))).phones
     ]
-    spans = _search(samples, words)
-    if len(spans) < len(words):
-        logging.getLogger(__name__).warning(f"the sound does not fit its text: {text:.60}")
-        edges = np.linspace(0, len(samples) / SAMPLE_RATE, len(words) + 1)
-        spans = list(zip(edges[:-1], edges[1:], strict=True))
-    return tuple(_timed(word, start, end) for word, (start, end) in zip(words, spans, strict=True))
 
 
-def _search(samples: np.ndarray, words: Sequence[_Spelt]) -> list[tuple[float, float]]:
-    """When each word begins and ends [s]; fewer where the end of the text is not reached."""
-    if not words or not len(samples):
+def _search(samples: np.ndarray, words: Sequence[_Spelt]) -> list[tuple[float, float]] | None:
+    """When each word begins and ends [s]; None where the end of the text is not reached."""
+    if not words:
         return []
+    if not len(samples):
+        return None
     # A new decoder each time, since one adapts to what it hears. Its lattice (bestpath) loses last words.
     beams = {"beam": BEAM, "pbeam": BEAM, "wbeam": BEAM}
     decoder = Decoder(lm=None, dict=None, bestpath=False, loglevel="FATAL", **beams)
@@ -73,12 +85,17 @@ def _search(samples: np.ndarray, words: Sequence[_Spelt]) -> list[tuple[float, f
     decoder.process_raw(np.int16(np.clip(samples, -1, 1) * (2**15 - 1)).tobytes(), full_utt=True)
     decoder.end_utt()
     found = [one for one in decoder.seg() or () if not one.word.startswith(("<", "["))]
+    if len(found) < len(words):
+        return None
     return [(one.start_frame * _FRAME, (one.end_frame + 1) * _FRAME) for one in found]
 
 
-def _timed(word: _Spelt, start: float, end: float) -> Word:
-    """A word with its times, the phones in it as long as they are on average."""
-    lengths = [VOWEL if phone[0] in "AEIOU" else 1.0 for phone in word.phones]
-    edges = start + (end - start) * np.cumsum([0.0, *lengths]) / sum(lengths)
-    stress = edges[[0, -1]] if word.stressed is None else edges[[word.stressed, word.stressed + 1]]
-    return Word(word.text, float(start), float(end), float(stress.mean()))
+def _timed(words: Sequence[_Spelt], spans: Sequence[tuple[float, float]]) -> tuple[Word, ...]:
+    """The words with their times, the phones in each as long as they are on average."""
+    timed = []
+    for word, (start, end) in zip(words, spans, strict=True):
+        lengths = [VOWEL if phone[0] in "AEIOU" else 1.0 for phone in word.phones]
+        edges = start + (end - start) * np.cumsum([0.0, *lengths]) / sum(lengths)
+        stress = edges[[0, -1]] if word.stressed is None else edges[[word.stressed, word.stressed + 1]]
+        timed.append(Word(word.text, float(start), float(end), float(stress.mean())))
+    return tuple(timed)

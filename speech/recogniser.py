@@ -1,32 +1,28 @@
-"""Words in sound, as soon as they are sure enough: streaming recognition with pocketsphinx."""
+"""Words in sound, as soon as they are sure enough: streaming recognition."""
 
-from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
-import pocketsphinx
 
+from gesture_bot.speech.activity import ActivityStream
+from gesture_bot.speech.alignment import align, fit
 from gesture_bot.speech.audio import SAMPLE_RATE
-from gesture_bot.speech.vocabulary import Vocabulary, words_of
+from gesture_bot.speech.transcriber import Transcribed, Transcriber
+from gesture_bot.speech.vocabulary import Vocabulary
 
-LOOK = 2
-"""The decoder is asked what it has heard after so many frames of voice activity, 60 ms."""
+STEP = 0.2
+"""An utterance is transcribed again when so much sound has been added [s]."""
 
-ACTIVE = 5
-"""Voice begins when so many of the last 2 * ACTIVE frames of voice activity have it."""
+PRE_ROLL = 0.5
+"""Sound from before speech was noticed that belongs to an utterance, too [s]."""
 
-PRE_ROLL = 0.4
-"""Sound from before voice was noticed that the decoder hears, too [s]."""
+PAUSE = 3
+"""So many frames without speech end an utterance, and decide all of its words."""
 
-PAUSE = 0.45
-"""So long without voice ends an utterance of the decoder, and decides all of its words [s]."""
-
-TAIL = 0.3
-"""Silence that is added where the sound ends [s]."""
-
-LONGEST = 20.0
-"""An utterance of the decoder ends after so long at the latest [s]."""
+LONGEST = 8.0
+"""When an utterance lasts longer, it goes on from its last decided word [s]."""
 
 JUMP = 0.09
 """Sound that comes so much earlier or later than it should does not go on from the last [s].
@@ -34,27 +30,13 @@ JUMP = 0.09
 Less than a lost piece of 100 ms, and more than the moments of a microphone waver.
 """
 
-CONFIDENCE = np.array([2.3, 0.0087, 0.0053, 0.48])
-"""Weights of the confidence: fitted to 1,362 words of the demo corpus' sentences by two synthetic voices."""
+LIKELY = 0.3
+"""Words with less confidence are not given out."""
 
-LOG_BASE = 1e-4
-"""Natural logarithm of the base in which pocketsphinx counts scores."""
+SAME = 0.3
+"""A word that begins so close to the same one is that one [s]."""
 
-_FRAME = 0.01
-"""A frame of the decoder [s]."""
-
-SAME = 0.06
-"""A word is still the same in the next hypothesis where its begin has moved less [s]."""
-
-LONGER = 0.1
-"""A word that was decided was only the beginning of one that is so much longer [s]: danger, dangerous."""
-
-SHORT, MIDDLE, LONG, PHRASE = (0.24, 0.18), (0.18, 0.12), (0.12, 0.12), (0.06, 0.12)
-"""When words of up to 3, of 4 or 5, and of more sounds, and those of a phrase of interest, are sure enough.
-
-After so long in the best hypothesis, and so long after their end [s]: the fewer the sounds, the more other
-words begin like them.
-"""
+_PIECE = SAMPLE_RATE // 10
 
 
 @dataclass(frozen=True)
@@ -65,177 +47,138 @@ class RecognisedWord:
         text: In lower case.
         start: When it begins, on the clock of the sound [s].
         end: When it ends [s].
+        stress: The middle of its stressed vowel [s].
         confidence: Estimated probability that it was said.
     """
 
     text: str
     start: float
     end: float
+    stress: float
     confidence: float
-
-
-NOTHING = RecognisedWord("", -np.inf, -np.inf, 0.0)
-
-
-@dataclass(frozen=True)
-class _Hypothesis:
-    word: RecognisedWord
-    needs: tuple[float, float]
-    since: float = 0.0
 
 
 class Recogniser:
     """Hears words in a stream of samples.
 
-    Voice activity begins and ends utterances of the decoder, so silence costs little. A word is given out, in
-    the order of speech and once, when it has stayed in the best hypothesis for a time that depends on how
-    much evidence there is. What the decoder thinks later of its place is not told, but for a longer word that
-    begins like it.
+    Speech activity begins and ends utterances, so silence costs little. An utterance is transcribed from its
+    begin again and again while it grows. A word is given out when two transcripts on end have it and the same
+    words before it (local agreement: Liu and others 2020, arXiv:2005.11185, section 2.2). Where later ones
+    have other words in its place, these are given out, too. Its times are those of a forced alignment.
 
     Args:
-        phrases: Phrases that matter; see Vocabulary.
+        phrases: Phrases that matter; their words are heard even if no dictionary has them.
     """
 
     def __init__(self, phrases: Iterable[str]) -> None:
+        self._transcriber = Transcriber()
         self._vocabulary = Vocabulary(phrases)
-        self._decoder = self._vocabulary.decoder
-        self._voice = pocketsphinx.Vad(mode=2, sample_rate=SAMPLE_RATE, frame_length=0.03)
-        self._frame = self._voice.frame_bytes // 2
-        self._waiting = np.zeros(0, np.int16)
-        self._lead: deque[bytes] = deque(maxlen=round(PRE_ROLL / self._voice.frame_length))
-        self._active: deque[bool] = deque(maxlen=2 * ACTIVE)
+        self._activity = ActivityStream()
         self._now = 0.0
-        self._begin: float | None = None
-        self._quiet = self._frames = 0
-        self._hypotheses: list[_Hypothesis] = []
-        self._last = NOTHING
+        self._rest()
+
+    def _rest(self) -> None:
+        """Wait for the next utterance."""
+        self._sound = np.zeros(0, np.float32)
+        self._speaks = False
+        self._quiet = 0
+        self._looked = 0
+        self._transcript: list[Transcribed] = []
+        self._decided: list[RecognisedWord] = []
+        self._told: list[RecognisedWord] = []
 
     @property
     def problems(self) -> list[str]:
         """Words of the phrases that cannot be heard, and why."""
         return self._vocabulary.problems
 
-    def push(self, samples: np.ndarray, moment: float) -> list[RecognisedWord]:
+    def push(self, samples: np.ndarray, moment: float, more: bool = False) -> list[RecognisedWord]:
         """Take in the next sound; where it does not go on from the last, that has ended.
 
         Args:
             samples: (n,) float32, mono, at SAMPLE_RATE, full scale 1; any number.
             moment: Of the first one [s].
+            more: Whether more sound waits. An utterance that goes on is then not transcribed yet, so that who
+                is late catches up.
 
         Returns:
-            Words that are sure by now, in the order of speech.
+            Words that are sure by now.
         """
-        words = []
-        expected = self._now + len(self._waiting) / SAMPLE_RATE
-        if abs(moment - expected) > JUMP:
-            words += self.flush()
-        if self._begin is None:
-            self._now = moment - len(self._waiting) / SAMPLE_RATE
-        pcm = (np.clip(samples, -1, 1) * 32767).astype(np.int16)
-        self._waiting = np.concatenate([self._waiting, pcm])
-        while len(self._waiting) >= self._frame:
-            frame, self._waiting = self._waiting[: self._frame], self._waiting[self._frame :]
-            words += self._hear(frame.tobytes())
+        words = self.flush() if abs(moment - self._now) > JUMP else []
+        if not self._speaks:
+            self._now = moment
+        for first in range(0, len(samples), _PIECE):
+            words += self._hear(samples[first : first + _PIECE])
+        if self._speaks and not more and len(self._sound) - self._looked >= round(STEP * SAMPLE_RATE):
+            words += self._look()
         return words
 
     def flush(self) -> list[RecognisedWord]:
         """Nothing follows the sound so far: decide all of its words."""
-        words = []
-        if self._begin is not None:
-            # Without silence behind it, the last word is taken for one that goes on.
-            self._decoder.process_raw(self._waiting.tobytes() + bytes(2 * round(TAIL * SAMPLE_RATE)))
-            words = self._end()
-        self._waiting = self._waiting[:0]
-        self._lead.clear()
-        self._active.clear()
+        words = self._look(last=True) if self._speaks else []
+        self._activity.flush()
+        self._rest()
         return words
 
-    def _hear(self, frame: bytes) -> list[RecognisedWord]:
-        active = self._voice.is_speech(frame)
-        self._active.append(active)
-        self._now += self._voice.frame_length
-        if self._begin is None:
-            self._lead.append(frame)
-            if sum(self._active) >= ACTIVE:
-                self._start()
+    def _hear(self, piece: np.ndarray) -> list[RecognisedWord]:
+        frames = self._activity.push(piece)
+        self._now += len(piece) / SAMPLE_RATE
+        self._sound = np.concatenate([self._sound, piece])
+        if not self._speaks:
+            self._sound = self._sound[-round(PRE_ROLL * SAMPLE_RATE) :]
+            self._speaks = bool(frames.any())
             return []
-        self._decoder.process_raw(frame)
-        self._frames += 1
-        self._quiet = 0 if active else self._quiet + 1
-        if self._quiet * self._voice.frame_length >= PAUSE or self._now - self._begin > LONGEST:
-            return self._end()
-        return self._sure() if self._frames % LOOK == 0 else []
-
-    def _start(self) -> None:
-        sound = b"".join(self._lead)
-        self._begin = self._now - len(self._lead) * self._voice.frame_length
-        self._last = replace(NOTHING, end=self._begin)
-        self._quiet = self._frames = 0
-        self._hypotheses = []
-        self._decoder.start_utt()
-        self._decoder.process_raw(sound)
-
-    def _end(self) -> list[RecognisedWord]:
-        self._decoder.end_utt()
-        words = [found.word for found in self._heard() if self._is_new(found.word)]
-        self._begin = None
-        self._lead.clear()
-        self._active.clear()
-        return words
-
-    def _is_new(self, word: RecognisedWord) -> bool:
-        """Whether a word comes after the last one decided, or goes on where that was only its beginning."""
-        last = self._last
-        longer = word.text != last.text and word.end > last.end + LONGER
-        return (longer and abs(word.start - last.start) < SAME) or word.start + word.end >= 2 * last.end
-
-    def _sure(self) -> list[RecognisedWord]:
-        """Words from the last decided one on, up to the first that is not sure."""
-        self._hypotheses = [self._known(found) for found in self._heard()]
+        for speech in frames:
+            self._quiet = 0 if speech else self._quiet + 1
         words = []
-        for found in self._hypotheses:
-            word = found.word
-            if not self._is_new(word):
-                continue
-            stable, after = found.needs
-            if self._now - found.since < stable - _FRAME or self._now - word.end < after - _FRAME:
-                break
-            words.append(word)
-            self._last = word
+        if self._quiet >= PAUSE:
+            words = self._look(last=True)
+            self._rest()
+        elif len(self._sound) > LONGEST * SAMPLE_RATE:
+            words = self._look()
+            self._go_on()
         return words
 
-    def _known(self, found: _Hypothesis) -> _Hypothesis:
-        """The same with the moment since which it has been in the best hypothesis."""
-        word = found.word
-        same = (
-            before.since
-            for before in self._hypotheses
-            if before.word.text == word.text and abs(before.word.start - word.start) < SAME
-        )
-        return replace(found, since=next(same, self._now))
+    def _go_on(self) -> None:
+        """Forget what is decided; all, where nothing could be."""
+        rest = self._sound[self._at(self._decided[-1].end) :] if self._decided else self._sound[:0]
+        self._rest()
+        self._sound, self._speaks = rest, True
 
-    def _heard(self) -> Iterator[_Hypothesis]:
-        """The words of the best hypothesis."""
-        begin = self._begin or 0.0
-        for segment in self._decoder.seg() or ():
-            texts = words_of(segment.word)
-            sounds = np.array([max(1, self._vocabulary.phones(text)) for text in texts])
-            start, end = begin + segment.start_frame * _FRAME, begin + (segment.end_frame + 1) * _FRAME
-            # Within a phrase, a word is as long as its number of sounds says.
-            edges = start + (end - start) * np.concatenate([[0], np.cumsum(sounds) / max(1, sounds.sum())])
-            confidence = _confidence(segment, int(sounds.sum()))
-            for i, text in enumerate(texts):
-                needs = PHRASE if len(texts) > 1 else _needs(int(sounds[i]))
-                word = RecognisedWord(text, float(edges[i]), float(edges[i + 1]), confidence)
-                yield _Hypothesis(word, needs)
+    def _at(self, moment: float) -> int:
+        """The sample of the utterance that is heard at a moment."""
+        return max(0, len(self._sound) - round((self._now - moment) * SAMPLE_RATE))
+
+    def _look(self, last: bool = False) -> list[RecognisedWord]:
+        """Transcribe the utterance so far, and decide what is sure of it; all words, if nothing follows."""
+        transcript = self._vocabulary.spell(self._transcriber.transcribe(self._sound))
+        sure = transcript if last else transcript[: _common(transcript, self._transcript)]
+        self._transcript, self._looked = transcript, len(self._sound)
+        kept = _common(sure, self._decided)
+        if kept == len(sure):
+            return []
+        first = self._at(self._decided[kept - 1].end) if kept else 0
+        begin = self._now - (len(self._sound) - first) / SAMPLE_RATE
+        sound, text = self._sound[first:], " ".join(word.text for word in transcript[kept:])
+        if (spans := align(sound, text) if last else fit(sound, text)) is None:
+            return []  # The end of the transcript is made up; the next one may be better.
+        self._decided[kept:] = [
+            RecognisedWord(word.text, begin + at.start, begin + at.end, begin + at.stress, word.confidence)
+            for word, at in zip(sure[kept:], spans, strict=False)
+        ]
+        new = [
+            word for word in self._decided[kept:] if word.confidence >= LIKELY and not self._was_told(word)
+        ]
+        self._told += new
+        return new
+
+    def _was_told(self, word: RecognisedWord) -> bool:
+        return any(told.text == word.text and abs(told.start - word.start) < SAME for told in self._told)
 
 
-def _needs(sounds: int) -> tuple[float, float]:
-    return SHORT if sounds <= 3 else MIDDLE if sounds <= 5 else LONG
-
-
-def _confidence(segment: pocketsphinx.Segment, sounds: int) -> float:
-    """A logistic regression on acoustic score a frame, score of the language model, and number of sounds."""
-    frames = segment.end_frame - segment.start_frame + 1
-    acoustic, language = np.log([segment.ascore, segment.lscore]) / LOG_BASE
-    return float(1 / (1 + np.exp(-CONFIDENCE @ [1.0, acoustic / frames, language, sounds])))
+def _common(
+    words: Sequence[Transcribed | RecognisedWord], others: Sequence[Transcribed | RecognisedWord]
+) -> int:
+    """How many words are the same before the first that differs."""
+    pairs = zip(words, others, strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0].text == pair[1].text, pairs))

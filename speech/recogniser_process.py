@@ -1,5 +1,6 @@
-"""The recogniser in a process of its own, since pocketsphinx holds Python's global lock while it decodes."""
+"""The recogniser in a process of its own, which makes way for the servo bus."""
 
+import logging
 import os
 import socket
 import subprocess
@@ -18,7 +19,7 @@ from gesture_bot.speech.recogniser import RecognisedWord
 PIECE = SAMPLE_RATE // 10
 """Samples that go to the process at once: 100 ms."""
 
-ON_THE_WAY = 3
+ON_THE_WAY = 10
 """Pieces that it holds at most; the others wait here."""
 
 LONGEST_QUEUE = 50
@@ -129,6 +130,8 @@ def _serve(connection: Connection) -> None:
     """Answer until the other end is closed: phrases by what is wrong with them, each piece by its words."""
     from gesture_bot.speech.recogniser import Recogniser
 
+    # Half a word at the end of a transcript may not fit its sound.
+    logging.getLogger("gesture_bot.speech.alignment").setLevel(logging.ERROR)
     recogniser: Recogniser | None = None
     key: Key = ("", 0)
     while True:
@@ -141,7 +144,8 @@ def _serve(connection: Connection) -> None:
             connection.send((words, recogniser.problems))
         elif recogniser:
             key, moment, samples = message
-            found = recogniser.flush() if samples is None else recogniser.push(samples, moment)
+            more = connection.poll()
+            found = recogniser.flush() if samples is None else recogniser.push(samples, moment, more)
             connection.send((words + [(key, word) for word in found], None))
 
 

@@ -1,94 +1,82 @@
-"""What the recogniser of words can hear: everyday English, with the phrases that matter made likelier."""
+"""Trigger words that no dictionary has: heard by how they sound."""
 
-import re
-from collections.abc import Iterable, Iterator
-from itertools import islice, product
+from collections.abc import Iterable, Sequence
+from difflib import SequenceMatcher
+from functools import lru_cache
+from pathlib import Path
 
-import pocketsphinx
+from pocketsphinx import get_model_path
 
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.pronunciation import pronounce
+from gesture_bot.speech.transcriber import Transcribed
 
-WEIGHT = 100.0
-"""How much likelier than a word drawn evenly from the language model a phrase of interest is."""
+UNSURE = 0.7
+"""Only words that the transcriber gives less probability may be a rare word that it does not know."""
 
-LONG = 5
-"""A phrase of interest is made likelier from so many sounds on; a shorter one would be heard everywhere."""
+ALIKE = 0.7
+"""So large a share of their sounds two words must share, in order, to be the same."""
 
-PRONUNCIATIONS = 6
-"""Ways to say a phrase that are known, at most."""
+LONGEST = 3
+"""A rare word may be heard as so many others at most."""
 
-MEAN = "41.00,-5.29,-0.12,5.09,2.48,-4.07,-1.37,-1.78,-5.08,-2.05,-6.45,-1.42,1.17"
-"""Cepstral mean of the speech that the acoustic model was trained on, until enough is heard here."""
+_ALIKE = ("P B", "T D", "K G", "F V", "S Z SH ZH", "CH JH", "TH DH", "N NG")
+"""Consonants that a transcriber takes for one another; all vowels are one sound here."""
 
-JOINT = "_"
-"""Joins the words of a phrase into one entry of the dictionary, and ends the second entry of a word."""
+_SOUND = {phone: phones.split()[0] for phones in _ALIKE for phone in phones.split()}
 
 
 class Vocabulary:
-    """A decoder, and what its entries are made of.
-
-    The language model and the dictionary are those of pocketsphinx's wheel (US English, 135,000 words). Each
-    phrase, and each long word, gets an entry of its own beside them, whose probability in the language model
-    is WEIGHT times that of a word drawn evenly, whatever was said before. A phrase is then one long word.
+    """What phrases of interest add to the words that a transcriber knows.
 
     Args:
         phrases: Lower-case words with single spaces between them.
+
+    Attributes:
+        problems: Words that cannot be heard, and why.
     """
 
     def __init__(self, phrases: Iterable[str]) -> None:
-        # One fast pass. The flat pass and the best path change words long after they were said.
-        self.decoder = pocketsphinx.Decoder(
-            samprate=SAMPLE_RATE,
-            loglevel="FATAL",
-            fwdflat=False,
-            bestpath=False,
-            maxhmmpf=3000,
-            maxwpf=5,
-            cmninit=MEAN,
-        )
         self.problems: list[str] = []
-        self._phones: dict[str, int] = {}
-        model = pocketsphinx.NGramModel(
-            self.decoder.config, self.decoder.logmath, pocketsphinx.get_model_path("en-us/en-us.lm.bin")
-        )
-        phrases = sorted(set(phrases))
-        unknown = set()
+        self._rare: dict[str, tuple[str, ...]] = {}
+        dictionary = Path(get_model_path("en-us/cmudict-en-us.dict")).read_text()
+        known = {line.split(" ", 1)[0] for line in dictionary.splitlines()}
         for word in sorted({word for phrase in phrases for word in phrase.split()}):
             try:
-                if self.decoder.lookup_word(word) is None:
-                    self.decoder.add_word(word, pronounce(word), update=False)
-                    model.add_word(word, WEIGHT)
+                if word not in known:
+                    self._rare[word] = _sounds(word)
             except GestureBotError as error:
-                unknown.add(word)
                 self.problems.append(f"no pronunciation of {word!r}, which is not heard ({error})")
-        for phrase in phrases:
-            words = phrase.split()
-            if not unknown.intersection(words) and sum(map(self.phones, words)) >= LONG:
-                entry = JOINT.join(words) if len(words) > 1 else phrase + JOINT
-                for number, said in enumerate(islice(self._ways(words), PRONUNCIATIONS), 1):
-                    self.decoder.add_word(entry if number == 1 else f"{entry}({number})", said, update=False)
-                model.add_word(entry, WEIGHT)
-        self.decoder.add_lm("phrases", model)
-        self.decoder.activate_search("phrases")
 
-    def phones(self, word: str) -> int:
-        """How many sounds a word of the dictionary has."""
-        if word not in self._phones:
-            self._phones[word] = len((self.decoder.lookup_word(word) or "").split())
-        return self._phones[word]
+    def spell(self, words: Sequence[Transcribed]) -> list[Transcribed]:
+        """The same words, but a rare one in place of what sounds like it."""
+        spelt: list[Transcribed] = []
+        at = 0
+        while at < len(words):
+            alike, word, count = max(
+                (
+                    (self._likeness(words[at : at + count], rare), rare, count)
+                    for rare in self._rare
+                    for count in range(1, min(LONGEST, len(words) - at) + 1)
+                ),
+                default=(0.0, "", 1),
+            )
+            found = alike >= ALIKE
+            spelt.append(Transcribed(word, alike) if found else words[at])
+            at += count if found else 1
+        return spelt
 
-    def _ways(self, words: list[str]) -> Iterator[str]:
-        for ways in product(*map(self._pronunciations, words)):
-            yield " ".join(ways)
+    def _likeness(self, words: Sequence[Transcribed], rare: str) -> float:
+        if any(word.confidence >= UNSURE for word in words):
+            return 0.0
+        try:
+            heard = [sound for word in words for sound in _sounds(word.text)]
+        except GestureBotError:
+            return 0.0
+        return SequenceMatcher(None, heard, self._rare[rare], autojunk=False).ratio()
 
-    def _pronunciations(self, word: str) -> list[str]:
-        found = (self.decoder.lookup_word(name) for name in (word, f"{word}(2)", f"{word}(3)"))
-        return [phones for phones in found if phones]
 
-
-def words_of(entry: str) -> list[str]:
-    """The words of an entry of the dictionary; none where it is silence or noise."""
-    entry = re.sub(r"\(\d+\)$", "", entry)
-    return [] if entry[0] in "<[+" else entry.strip(JOINT).split(JOINT)
+@lru_cache(maxsize=4096)
+def _sounds(word: str) -> tuple[str, ...]:
+    phones = pronounce(word).split()
+    return tuple("A" if phone[0] in "AEIOU" else _SOUND.get(phone, phone) for phone in phones)
