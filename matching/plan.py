@@ -27,7 +27,7 @@ class Window(KeypointClip):
         shown: (n,) what each frame shows [frames of the sequence from `frame` on]; empty without a sequence.
         amplitude: How far the arms of the last frame go from rest, against the recording.
         stroke: When the gesture's stroke is to be seen, at its word or later [s since the epoch]; NaN where
-            there is none. The keyframe of the stroke is strokes.STROKE_LEAD earlier.
+            there is none. The keyframe of the stroke is strokes.lead earlier.
     """
 
     source: Source

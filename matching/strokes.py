@@ -19,12 +19,14 @@ from gesture_bot.matching.settling import Settling
 HASTE = 0.7
 """Share of a gesture's preparation that somebody in a hurry needs at least."""
 
-STROKE_LEAD = 0.08
-"""A stroke is planned to end so much before its word [s].
+SLOW = 0.2
+"""Share of the way's time at its end in which it is slow: a stroke is seen to end where that begins.
 
-The smoothing rounds off its end, which is reached about so much later; and people make a stroke with its word
-or a little before.
+By minimum jerk (Flash and Hogan 1985), the speed is below a tenth of its peak for the last fifth of the time.
 """
+
+ROUNDED = 0.155
+"""How much later that is seen on the robot than it is planned [s]: the smoothing rounds off the end."""
 
 LONGEST_WAIT = 0.7
 """A keyword does not wait longer than this for another gesture to be finished [s]."""
@@ -70,7 +72,7 @@ class Timing:
     @property
     def planned(self) -> float:
         """The moment of the stroke on the frame grid [s since the epoch]."""
-        return self.stroke - STROKE_LEAD
+        return self.stroke - lead(self.motion)
 
     @property
     def committed(self) -> int:
@@ -218,7 +220,7 @@ def _fitted(keyword: _Keyword, free: int, emotion: Emotion, latest: float = math
     variant = keyword.gesture.variant(emotion.name)
     motion: Motion = variant or keyword.gesture
     tempo, amplitude = (1.0, 1.0) if variant else (emotion.tempo, emotion.amplitude)
-    onset = motion.movement.first - STROKE_LEAD
+    onset = motion.movement.first - lead(motion)
     # A gesture that begins with a frame leaves the pose of the frame before.
     stroke = max(keyword.stroke, frame_time(free - 1) + _shortest(motion) - onset)
     # Where the first keyframe is the stroke's, so is the way to it.
@@ -228,6 +230,13 @@ def _fitted(keyword: _Keyword, free: int, emotion: Emotion, latest: float = math
     begin = max(first_frame_after(leave), free)
     preparation = stroke + onset - leave
     return Timing(keyword, motion, tempo, amplitude, free, begin, preparation, stroke)
+
+
+def lead(motion: Motion) -> float:
+    """How long before its word a stroke's keyframe is planned [s], so that it is seen to end on the word."""
+    before = motion.movement.moments[motion.movement.moments < 0]
+    way = -before.max() if len(before) else motion.preparation
+    return max(0.0, ROUNDED - SLOW * way)
 
 
 def _shortest(motion: Motion) -> float:

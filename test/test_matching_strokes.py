@@ -15,7 +15,7 @@ from gesture_bot.matching.plan import Window
 from gesture_bot.matching.rendering import render
 from gesture_bot.matching.selector import REACT
 from gesture_bot.matching.settling import Settling, rest_pose
-from gesture_bot.matching.strokes import HASTE, STROKE_LEAD, Strokes
+from gesture_bot.matching.strokes import HASTE, Strokes, lead
 from gesture_bot.refine.smoothing import WindowSmoother
 from gesture_bot.speech.features import SILENCE_FEATURES
 
@@ -32,7 +32,7 @@ def test_the_stroke_is_planned_a_little_before_its_word(offset):
     width = bank.keypoints[:, WRISTS[0], 1] - bank.keypoints[:, WRISTS[1], 1]
     times = np.arange(bank.start, bank.stop) / FRAME_RATE
     # The hands come to rest, wide apart, at the end of the stroke; they are half-way in its middle.
-    end = word - STROKE_LEAD
+    end = word - lead(GESTURES["big"])
     begin = end + GESTURES["big"].keyframes[0].time
     opening = (times > begin) & (times < end)
     middle = np.interp((width[opening].min() + width.max()) / 2, width[opening], times[opening])
@@ -47,7 +47,7 @@ def test_a_keyword_heard_too_late_is_made_as_soon_as_a_person_could():
     assert bank.name == "stop"
     assert bank.start == first_frame_after(show.now + REACT)
     stop = GESTURES["stop"]
-    earliest = REACT + HASTE * stop.preparation - stop.movement.first + STROKE_LEAD
+    earliest = REACT + HASTE * stop.preparation - stop.movement.first + lead(stop)
     assert bank.stroke - show.now == pytest.approx(earliest, abs=1 / FRAME_RATE)
 
 
@@ -122,7 +122,7 @@ def gesture_in_speech(frames, spoken):
 
 
 def test_speech_that_goes_on_cuts_the_retraction_short():
-    held = GESTURES["me"].movement.last - STROKE_LEAD
+    held = GESTURES["me"].movement.last - lead(GESTURES["me"])
     length, before, after = gesture_in_speech(130, spoken=130)
     assert (before, after) == ("speech", "speech")
     assert length == math.ceil(held * FRAME_RATE)
@@ -183,7 +183,7 @@ def interrupted(ahead):
     word = show.now + 2.0
     show.chooser.add_keyword("think", word, "think")
     show.run(2.0 - ahead)
-    show.chooser.add_keyword("no", word + 0.7)
+    show.chooser.add_keyword("no", word + 0.8)
     show.run(4.0)
     _, keypoints = smoothed([Window(min(show.seen), show.keypoints, "rest")])
     acceleration = np.diff(keypoints[:, WRISTS], 2, axis=0) * FRAME_RATE**2
@@ -193,14 +193,15 @@ def interrupted(ahead):
 
 def test_a_heavier_keyword_takes_the_place_of_a_gesture_before_its_stroke():
     (stroke,), show = interrupted(ahead=0.85)
-    assert stroke == pytest.approx(0.7)
+    assert stroke == pytest.approx(0.8)
     # Of the first one no more than its preparation is seen.
     (think,) = [window for window in show.windows if window.name == "think"]
     seen = [frame for frame, (_, window) in show.seen.items() if window is think]
-    assert frame_time(max(seen)) < think.stroke - STROKE_LEAD - HASTE * GESTURES["think"].preparation
+    before = lead(GESTURES["think"]) + HASTE * GESTURES["think"].preparation
+    assert frame_time(max(seen)) < think.stroke - before
     # When its own stroke has begun, it is finished first.
     (stroke,), show = interrupted(ahead=0.6)
-    assert 1.2 < stroke < 1.4
+    assert 1.3 < stroke < 1.5
     assert "think" in {window.name for _, window in show.seen.values()}
 
 
