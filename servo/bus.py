@@ -13,6 +13,7 @@ from dynamixel_sdk import (
     PortHandler,
     Protocol2PacketHandler,
 )
+from dynamixel_sdk.protocol2_packet_handler import PKT_ERROR, PKT_ID, PKT_LENGTH_H, PKT_LENGTH_L
 from serial import SerialException
 from serial.tools.list_ports import comports
 
@@ -64,6 +65,20 @@ class _Port(PortHandler):
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
 
 
+class _PacketHandler(Protocol2PacketHandler):
+    """The SDK's packets, but a late answer to an earlier question is not taken for that to this one."""
+
+    def readRx(self, port: _Port, dxl_id: int, length: int) -> tuple[list[int], int, int]:  # noqa: N802
+        while True:
+            packet, result = self.rxPacket(port, False)
+            if result != COMM_SUCCESS:
+                return [], result, 0
+            # An answer holds its error and a CRC beside the data.
+            answered = int.from_bytes(packet[PKT_LENGTH_L : PKT_LENGTH_H + 1], "little") - 4
+            if packet[PKT_ID] == dxl_id and answered == length:
+                return packet[PKT_ERROR + 1 :][:length], result, packet[PKT_ERROR]
+
+
 class Bus:
     """An open serial port with servos on it.
 
@@ -79,7 +94,7 @@ class Bus:
     def __init__(self, port: str, baudrate: int):
         self.port = port
         self._port = _Port(port)
-        self._sdk = Protocol2PacketHandler()
+        self._sdk = _PacketHandler()
         try:
             opened = self._port.setBaudRate(baudrate)
         except SerialException as error:
@@ -133,8 +148,10 @@ class Bus:
     def try_read(self, servo_id: int, address: int, size: int) -> bytes:
         """Ask once for bytes of the control table; nothing when the servo does not answer."""
         with self._port_errors():
-            data, result, _ = self._sdk.readTxRx(self._port, servo_id, address, size)
-        return bytes(data) if result == COMM_SUCCESS and len(data) == size else b""
+            if self._sdk.readTx(self._port, servo_id, address, size) != COMM_SUCCESS:
+                return b""
+            data, _, _ = self._sdk.readRx(self._port, servo_id, size)
+        return bytes(data)
 
     def write(self, servo_id: int, name: str, value: int) -> None:
         """Set a register by its name.

@@ -11,10 +11,11 @@ from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
-from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.driver import HEALTH_ADDRESS, HEALTH_SIZE, Driver
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
 from gesture_bot.servo.mux import MotionMux
-from gesture_bot.servo.table import ServoTable
+from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
 
@@ -252,6 +253,25 @@ def test_a_silent_servo_makes_the_robot_hold_until_it_is_back(driver, wire):
     assert driver.status.silent == ()
     assert gone.get("Torque Enable") == 1
     assert feedback[-1].positions[ELBOW] > feedback[0].positions[ELBOW] + 0.1
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(wire, monkeypatch):
+    answer = VirtualServo.read
+
+    def slowly(servo, address, size):
+        if address == HEALTH_ADDRESS:
+            time.sleep(0.017)  # longer than a cycle waits
+        return answer(servo, address, size)
+
+    bus = Bus(wire.port, ROBOT.bus.baudrate)
+    bus.hurry()
+    read = bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize)
+    assert len(read) == PRESENT.itemsize
+    monkeypatch.setattr(VirtualServo, "read", slowly)
+    assert bus.try_read(ELBOW_ID, HEALTH_ADDRESS, HEALTH_SIZE) == b""
+    answers = {bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize) for _ in range(5)}
+    assert answers in ({read}, {b"", read})
+    bus.close()
 
 
 def test_a_port_that_does_not_exist_is_named():
