@@ -16,8 +16,8 @@ from gesture_bot.speech.voice import Word
 PATIENCE = 0.2
 """A phrase that could go on is taken as it is when no further word comes for so long [s]."""
 
-RECOGNISED_PATIENCE = 0.45
-"""The same for words that are recognised, which come when they have been said [s]."""
+RECOGNISED_PATIENCE = 0.8
+"""The same for words that are recognised, which come some time after they have been said [s]."""
 
 
 @dataclass

@@ -20,6 +20,9 @@ BEAM = 1e-200
 With pocketsphinx's own 1e-48 it loses the end of a third of the sentences of a voice that it finds odd.
 """
 
+SHORTEST = 0.045
+"""Nobody's phones are shorter, on average over some words [s]."""
+
 _FRAME = 0.01  # of pocketsphinx [s]
 
 
@@ -53,10 +56,13 @@ def align(samples: np.ndarray, text: str) -> tuple[Word, ...]:
 
 
 def fit(samples: np.ndarray, text: str) -> tuple[Word, ...] | None:
-    """The same; None where the sound cannot be the text."""
+    """The same; None where the sound cannot be the text, or nobody could say it so fast."""
     words = _spelt(text)
+    phones = sum(len(word.phones) for word in words)
     spans = _search(samples, words)
-    return None if spans is None else _timed(words, spans)
+    if not spans or spans[-1][1] - spans[0][0] < phones * SHORTEST:
+        return None
+    return _timed(words, spans)
 
 
 def _spelt(text: str) -> list[_Spelt]:

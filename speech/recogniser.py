@@ -30,6 +30,9 @@ JUMP = 0.09
 Less than a lost piece of 100 ms, and more than the moments of a microphone waver.
 """
 
+FASTEST = 10
+"""Nobody says more words a second."""
+
 LIKELY = 0.3
 """Words with less confidence are not given out."""
 
@@ -152,16 +155,22 @@ class Recogniser:
     def _look(self, last: bool = False) -> list[RecognisedWord]:
         """Transcribe the utterance so far, and decide what is sure of it; all words, if nothing follows."""
         transcript = self._vocabulary.spell(self._transcriber.transcribe(self._sound))
-        sure = transcript if last else transcript[: _common(transcript, self._transcript)]
+        before, looked = self._transcript, self._looked
         self._transcript, self._looked = transcript, len(self._sound)
+        sure = transcript if last else transcript[: _common(transcript, before)]
         kept = _common(sure, self._decided)
         if kept == len(sure):
             return []
+        kept = max(0, kept - 1)  # the end of the last one is surer with what follows
         first = self._at(self._decided[kept - 1].end) if kept else 0
         begin = self._now - (len(self._sound) - first) / SAMPLE_RATE
-        sound, text = self._sound[first:], " ".join(word.text for word in transcript[kept:])
+        sound, words = self._sound[first:], transcript[kept:]
+        if not last and len(transcript) - len(before) > FASTEST * (len(self._sound) - looked) / SAMPLE_RATE:
+            # The end is made up. The transcript before has the sure words, too, and fits its sound better.
+            sound, words = self._sound[first:looked], before[kept:]
+        text = " ".join(word.text for word in words)
         if (spans := align(sound, text) if last else fit(sound, text)) is None:
-            return []  # The end of the transcript is made up; the next one may be better.
+            return []  # The next transcript may be better.
         self._decided[kept:] = [
             RecognisedWord(word.text, begin + at.start, begin + at.end, begin + at.stress, word.confidence)
             for word, at in zip(sure[kept:], spans, strict=False)
