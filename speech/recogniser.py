@@ -66,7 +66,7 @@ class Recogniser:
 
     Speech activity begins and ends utterances, so silence costs little. An utterance is transcribed from its
     begin again and again while it grows. A word is given out when two transcripts on end have it and the same
-    words before it (local agreement: Liu and others 2020, arXiv:2005.11185, section 2.2). Where later ones
+    words before it (local agreement: Liu and others 2020, arXiv:2005.11185). Where later ones
     have other words in its place, these are given out, too. Its times are those of a forced alignment.
 
     Args:
