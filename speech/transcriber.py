@@ -8,6 +8,7 @@ from string import punctuation
 import numpy as np
 import onnxruntime
 
+from gesture_bot.base.errors import FileFormatError
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import bare
 
@@ -41,12 +42,17 @@ class Transcriber:
     """Moonshine tiny (Jeffries and others 2024, arXiv:2410.15608), decoded greedily on one thread.
 
     Its encoder takes sound of any length, so that a short piece costs little: 3 s take about 80 ms.
+
+    Raises:
+        FileFormatError: moonshine-voice is not installed, or not the version that holds the model.
     """
 
     def __init__(self) -> None:
         spec = find_spec("moonshine_voice")  # not imported: that would load its own runtime
-        assert spec and spec.origin
-        folder = Path(spec.origin).parent / "assets" / "tiny-en"
+        package = Path(spec.origin).parent if spec and spec.origin else Path("moonshine_voice")
+        folder = package / "assets" / "tiny-en"
+        if not folder.is_dir():
+            raise FileFormatError("moonshine-voice 0.1.0 is not installed; there is no", folder)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._encoder, self._decoder = (
