@@ -10,15 +10,10 @@ from scipy.signal import find_peaks
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.retarget.follower import JointLimits
+from gesture_bot.servo.present import STAMP_ERROR
 
 TICK = 2 * np.pi / 4096
 """Resolution of a Dynamixel X-series servo's position [rad] (Present Position: 0.088 degrees a unit)."""
-
-_STAMP_ERROR = 0.004
-"""How far the time between two samples may be off [s]: servos are stamped when asked, and measure later.
-
-On the virtual bus, whose process waits for its turn, this holds 999 times of 1000 on two cores.
-"""
 
 _VELOCITY_SPAN = 0.04
 """Velocities are taken over at least this long [s], so that a tick of the servo does not look like a dash."""
@@ -85,7 +80,7 @@ def motion_report(
     lower, upper, velocity = limits.lower[columns], limits.upper[columns], limits.velocity[columns]
     gaps = np.diff(times)
     outside = np.maximum(lower - positions, positions - upper) > TICK
-    jumps = np.abs(np.diff(positions, axis=0)) > velocity * (gaps[:, None] + _STAMP_ERROR) + 2 * TICK
+    jumps = np.abs(np.diff(positions, axis=0)) > velocity * (gaps[:, None] + STAMP_ERROR) + 2 * TICK
     return MotionReport(
         limit_violations=int(outside.sum()),
         joint_jumps=int(jumps.sum()),

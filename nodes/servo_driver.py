@@ -71,9 +71,11 @@ class ServoDriver(GestureNode):
             except BusError as error:
                 self.get_logger().error(str(error), throttle_duration_sec=1.0)
             else:
-                self._recent.append(feedback)
-                with suppress(RCLError):  # the graph may end between two cycles
-                    self._publish(feedback)
+                # A state whose moment is not known would look like a jump.
+                if feedback.prompt:
+                    self._recent.append(feedback)
+                    with suppress(RCLError):  # the graph may end between two cycles
+                        self._publish(feedback)
             # A late cycle is not made up for: the next one is due a period from now.
             due = max(due + self._period, time.monotonic())
 
@@ -113,6 +115,7 @@ class ServoDriver(GestureNode):
             level=DiagnosticStatus.ERROR,
             cycles=status.cycles,
             late_cycles=status.late_cycles,
+            late_answers=status.late_answers,
             read_failures=status.read_failures,
             watchdog_stops=status.watchdog_stops,
             lag_ms=self._lag(),

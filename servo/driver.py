@@ -46,6 +46,7 @@ class Feedback:
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
         planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
         stamp: When they were asked [s since the epoch].
+        prompt: Whether they answered so soon that they measured within 4 ms of it.
     """
 
     positions: np.ndarray
@@ -53,6 +54,7 @@ class Feedback:
     efforts: np.ndarray
     planned: np.ndarray
     stamp: float
+    prompt: bool
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ class Status:
     Attributes:
         cycles: Ticks.
         late_cycles: Ticks that came more than half a period late.
+        late_answers: Ticks that waited for the servos so long that it is not known when they measured.
         read_failures: Answers that did not come in time or were damaged.
         watchdog_stops: How often the watchdogs had to be armed anew, since the ticks had paused for too
             long, or a servo had missed them or been away.
@@ -88,6 +91,7 @@ class Status:
 
     cycles: int = 0
     late_cycles: int = 0
+    late_answers: int = 0
     read_failures: int = 0
     watchdog_stops: int = 0
     silent: tuple[str, ...] = ()
@@ -179,7 +183,8 @@ class Driver:
             positions = np.full_like(positions, np.nan)
         self._exchange(positions[0], velocities[0])
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        return Feedback(measured, speeds, efforts, positions[1], now + self._reader.read_at - begin)
+        asked = now + self._reader.read_at - begin
+        return Feedback(measured, speeds, efforts, positions[1], asked, self._reader.prompt)
 
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.
@@ -222,6 +227,7 @@ class Driver:
         bus.sync_write("Goal Position", self._table.by_id(self._table.ticks(sent)))
         self._last_packet = time.monotonic()
         self._reader.read()
+        self.status.late_answers = self._reader.late
         self.status.read_failures = self._reader.failures
         silent = self._reader.silent
         self.status.silent = tuple(servo.joint for servo in self._robot.servos if servo.id in silent)

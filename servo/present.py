@@ -1,5 +1,9 @@
 """Reading where all servos are, although one or the other may not answer."""
 
+import statistics
+import time
+from collections import deque
+
 import numpy as np
 
 from gesture_bot.servo.bus import Bus
@@ -7,6 +11,15 @@ from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
 
 SILENT_AFTER = 5
 """A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
+
+STAMP_ERROR = 0.004
+"""How far the moment of a reading may be off [s].
+
+A servo measures when the question reaches it, somewhere between question and answer. A computer or a servo
+that is busy for longer than this leaves that open.
+"""
+
+_USUAL = 100  # readings whose median says how long one takes
 
 
 class PresentReader:
@@ -21,16 +34,21 @@ class PresentReader:
     Attributes:
         present: (j,) PRESENT records, each as it was last heard.
         read_at: When they were last asked, on the monotonic clock [s]; they measure then.
+        prompt: Whether the last reading took no longer than usual, so that its moment is known within 4 ms.
+        late: Readings that took longer, so far.
         failures: Answers that did not come in time, or were damaged, so far.
     """
 
     def __init__(self, bus: Bus, ids: list[int]):
         self.present = np.zeros(len(ids), PRESENT)
         self.read_at = 0.0
+        self.prompt = True
+        self.late = 0
         self.failures = 0
         self._bus = bus
         self._ids = ids
         self._missed = dict.fromkeys(ids, 0)
+        self._took: deque[float] = deque(maxlen=_USUAL)
         # Firmware without Fast Sync Read leaves the question without an answer.
         self._fast = any(bus.sync_read(ids, PRESENT_ADDRESS, PRESENT.itemsize, fast=True) for _ in range(2))
 
@@ -53,7 +71,13 @@ class PresentReader:
                 self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
             else:
                 self._missed[servo_id] += 1
+        self._judge(time.monotonic() - self.read_at)
 
     def heard(self, servo_id: int) -> None:
         """A servo that was silent has answered."""
         self._missed[servo_id] = 0
+
+    def _judge(self, took: float) -> None:
+        self._took.append(took)
+        self.prompt = took < statistics.median(self._took) + STAMP_ERROR
+        self.late += not self.prompt

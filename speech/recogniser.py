@@ -39,7 +39,8 @@ LIKELY = 0.3
 SAME = 0.3
 """A word that begins so close to the same one is that one [s]."""
 
-_PIECE = SAMPLE_RATE // 10
+PIECE = SAMPLE_RATE // 10
+"""Sound is looked at in pieces of so many samples: 100 ms."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,8 @@ class Recogniser:
         words = self.flush() if abs(moment - self._now) > JUMP else []
         if not self._speaks:
             self._now = moment
-        for first in range(0, len(samples), _PIECE):
-            words += self._hear(samples[first : first + _PIECE])
+        for first in range(0, len(samples), PIECE):
+            words += self._hear(samples[first : first + PIECE])
         if self._speaks and not more and len(self._sound) - self._looked >= round(STEP * SAMPLE_RATE):
             words += self._look()
         return words

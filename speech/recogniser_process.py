@@ -14,10 +14,7 @@ import numpy as np
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.speech.audio import SAMPLE_RATE
-from gesture_bot.speech.recogniser import RecognisedWord
-
-PIECE = SAMPLE_RATE // 10
-"""Samples that go to the process at once: 100 ms."""
+from gesture_bot.speech.recogniser import PIECE, RecognisedWord
 
 ON_THE_WAY = 10
 """Pieces that it holds at most; the others wait here."""

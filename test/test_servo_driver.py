@@ -1,5 +1,6 @@
 """The driver on a virtual bus: what reaches the servos, what comes back, and what happens in trouble."""
 
+import itertools
 import time
 from dataclasses import replace
 
@@ -272,6 +273,21 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(wire, monkeypat
     answers = {bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize) for _ in range(5)}
     assert answers in ({read}, {b"", read})
     bus.close()
+
+
+def test_a_state_whose_moment_is_not_known_is_told(driver, wire, monkeypatch):
+    elbow = wire.servos[ELBOW_ID]
+    answer, questions = elbow.read, itertools.count()
+
+    def each_tenth_slowly(address, size):
+        if address == PRESENT_ADDRESS and next(questions) % 10 == 9:
+            time.sleep(0.006)
+        return answer(address, size)
+
+    monkeypatch.setattr(elbow, "read", each_tenth_slowly)
+    prompt = [feedback.prompt for feedback in run(driver, 1.0)]
+    assert not any(prompt[9::10])
+    assert prompt.count(False) == driver.status.late_answers < 50
 
 
 def test_a_port_that_does_not_exist_is_named():
