@@ -72,6 +72,7 @@ class Joint(_Section):
         acceleration: Largest acceleration [rad/s^2]. URDF has no place for it.
         lower: Narrows the URDF's lower limit [rad].
         upper: Narrows the URDF's upper limit [rad].
+        mark: Where the joint stands when it is calibrated [rad]; if not given, at zero, or at its limit next to it.
     """
 
     id: int = Field(ge=0, le=252)
@@ -82,6 +83,7 @@ class Joint(_Section):
     acceleration: Annotated[PositiveFloat, Field(allow_inf_nan=False)]
     lower: FiniteFloat = -math.inf
     upper: FiniteFloat = math.inf
+    mark: FiniteFloat | None = None
 
 
 class Bus(_Section):

@@ -1,10 +1,12 @@
 """Access to Dynamixel servos on a serial port, through the DynamixelSDK (protocol 2.0)."""
 
 import errno
+import re
 import termios
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from dynamixel_sdk import (
     COMM_SUCCESS,
@@ -32,6 +34,9 @@ REPLY_WAIT = 10.0
 ATTEMPTS = 3
 """How often a ping, read or write is tried before it fails."""
 
+PING_ANSWER = re.compile(rb"\xff\xff\xfd\x00[\x00-\xfc]\x07\x00\x55", re.DOTALL)
+"""How the answer to a ping begins, with the ID of who answers."""
+
 REFUSALS = {
     errno.EACCES: "no permission to open the serial port (join the group dialout, then log in anew)",
     errno.EAGAIN: "another program uses the serial port",
@@ -45,11 +50,22 @@ def _bytes(value: int, size: int) -> list[int]:
     return list((value % (1 << 8 * size)).to_bytes(size, "little"))
 
 
+class Identity(NamedTuple):
+    """Model Number (0) and Firmware Version (6) of a servo."""
+
+    model: int
+    firmware: int
+
+
 class _Port(PortHandler):
-    """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop."""
+    """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop.
+
+    It keeps what it has heard since the last packet was sent.
+    """
 
     reply_wait = PATIENT_WAIT
     written_at = 0.0
+    heard = b""
 
     def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
         super().setupPort(cflag_baud)
@@ -59,7 +75,13 @@ class _Port(PortHandler):
 
     def writePort(self, packet: list[int]) -> int:  # noqa: N802
         self.written_at = time.monotonic()
+        self.heard = b""
         return int(super().writePort(packet))
+
+    def readPort(self, length: int) -> bytes:  # noqa: N802
+        data = bytes(super().readPort(length))
+        self.heard += data
+        return data
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
@@ -127,11 +149,21 @@ class Bus:
                     return number
         return None
 
-    def scan(self) -> list[int]:
-        """IDs of all servos that answer. Takes about a second."""
+    def scan(self) -> dict[int, Identity | None]:
+        """All servos that answer, by ID; None where the answer is damaged. Takes about a second."""
         with self._port_errors():
             found, _ = self._sdk.broadcastPing(self._port)
-        return sorted(found)
+        speakers = {answer[PKT_ID] for answer in PING_ANSWER.findall(self._port.heard)}
+        return {servo_id: Identity(*found[servo_id]) if servo_id in found else None for servo_id in sorted(speakers)}
+
+    def is_clear(self, servo_id: int) -> bool:
+        """Whether what a servo says of its state comes undamaged, at least once in a few times.
+
+        Where two servos have one ID, both speak at once, and what they say differs: the clock alone (120) does.
+        """
+        address = REGISTERS["Realtime Tick"].address
+        size = REGISTERS["Present Temperature"].address + 1 - address
+        return any(self.try_read(servo_id, address, size) for _ in range(ATTEMPTS))
 
     def read(self, servo_id: int, name: str) -> int:
         """The value of a register by its name, unsigned.

@@ -12,14 +12,15 @@ import pty
 import select
 import subprocess
 import sys
+import termios
 import time
 import tty
 from dataclasses import asdict
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from gesture_bot.base.errors import BusError, GestureBotError
-from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN, find_model
+from gesture_bot.base.errors import BusError, GestureBotError, RobotError
+from gesture_bot.servo.models import BAUD_RATES, CENTRE, TICKS_PER_RADIAN, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
 
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
 CHILD = "-"
 """In place of a robot: the servos come as JSON on the standard input."""
 
+SPEEDS = {
+    getattr(termios, f"B{rate}"): rate for rate in BAUD_RATES.values() if hasattr(termios, f"B{rate}")
+}
+"""Baud rates [bit/s] by what the system calls them."""
+
 LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
 
@@ -37,12 +43,19 @@ def servo_specs(robot: "Robot") -> list[ServoSpec]:
     """The servos of a `retarget.robot.Robot`, standing in its rest pose.
 
     Raises:
-        RobotError: A servo is of an unknown model.
+        RobotError: A servo is of an unknown model, or the bus has a baud rate that no servo knows.
     """
     for row in robot.servos:
         find_model(row.model)
+    if robot.bus.baudrate not in BAUD_RATES.values():
+        raise RobotError("no servo speaks at this baud rate", robot.bus.baudrate, BAUD_RATES.values())
     return [
-        ServoSpec(row.id, row.model, round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)))
+        ServoSpec(
+            row.id,
+            row.model,
+            round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)),
+            robot.bus.baudrate,
+        )
         for row, angle in zip(robot.servos, robot.rest, strict=True)
     ]
 
@@ -68,6 +81,8 @@ def serve(wire: VirtualWire, servos_end: int, stop: int) -> None:
         if stop in readable:
             return
         if servos_end in readable:
+            _, _, _, _, speed, _, _ = termios.tcgetattr(servos_end)
+            wire.tune(SPEEDS.get(speed))
             os.write(servos_end, wire.receive(os.read(servos_end, 4096)))
 
 

@@ -11,7 +11,9 @@ from dynamixel_sdk.protocol2_packet_handler import (
 )
 
 from gesture_bot.servo.models import (
+    BAUD_RATES,
     CENTRE,
+    HOMING_RANGE,
     POSITION_MODE,
     TICKS_PER_RADIAN,
     VELOCITY_UNIT,
@@ -63,11 +65,12 @@ GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 
 @dataclass(frozen=True)
 class ServoSpec:
-    """A servo to simulate: its ID, its model's name, and where its joint stands [ticks]."""
+    """A servo to simulate: its ID, its model's name, where its joint stands [ticks], and its baud rate [bit/s]."""
 
     id: int
     model: str
     ticks: int = CENTRE
+    baudrate: int = BAUD_RATES[INITIAL["Baud Rate"]]
 
 
 class VirtualServo:
@@ -77,7 +80,7 @@ class VirtualServo:
 
     Attributes:
         memory: The control table, byte by byte.
-        position: Where the joint is [ticks].
+        position: Where the joint is [ticks], not counting Homing Offset.
         velocity: How fast it turns [ticks/s].
         temperature: [degC].
     """
@@ -94,6 +97,18 @@ class VirtualServo:
         self._uptime = 0.0
         self._switch_on(first_address=0)
         self.set("ID", spec.id)
+        self.set("Baud Rate", next(value for value, rate in BAUD_RATES.items() if rate == spec.baudrate))
+
+    @property
+    def baudrate(self) -> int:
+        """At what speed it hears and speaks [bit/s]."""
+        return BAUD_RATES[self.get("Baud Rate")]
+
+    @property
+    def homing(self) -> int:
+        """What is added to the position in all registers [ticks]; too large an offset is ignored."""
+        offset = self.get("Homing Offset")
+        return offset if abs(offset) <= HOMING_RANGE or self.get("Operating Mode") != POSITION_MODE else 0
 
     def get(self, name: str) -> int:
         """The value of a register."""
@@ -153,10 +168,10 @@ class VirtualServo:
         watchdog = self.get("Bus Watchdog")
         if powered and 0 < watchdog < WATCHDOG_ERROR and self._silence > watchdog * WATCHDOG_UNIT:
             self.set("Bus Watchdog", WATCHDOG_ERROR)
-            self.set("Goal Position", round(self.position))
+            self.set("Goal Position", round(self.position) + self.homing)
         load = 0.0
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._follow(self.get("Goal Position"), seconds)
+            load = self._follow(self.get("Goal Position") - self.homing, seconds)
         else:
             self.velocity = 0.0
         settled = ROOM + FULL_LOAD_HEATING * load * load
@@ -186,7 +201,7 @@ class VirtualServo:
         else:
             self.set("Present Load", round(load * 1000))
         self.set("Present Velocity", round(self.velocity / TICKS_PER_RADIAN / VELOCITY_UNIT))
-        self.set("Present Position", round(self.position))
+        self.set("Present Position", round(self.position) + self.homing)
         self.set("Present Temperature", round(self.temperature))
         self.set(
             "Moving", abs(self.velocity) > self.get("Moving Threshold") * VELOCITY_UNIT * TICKS_PER_RADIAN
@@ -198,7 +213,7 @@ class VirtualServo:
             "Model Number": self.model.number,
             "Velocity Limit": round(self.model.speed / 0.229),
             "Present Input Voltage": round(10 * self.model.voltage),
-            "Goal Position": round(self.position),
+            "Goal Position": round(self.position) + self.homing,
         }
         for name, item in self._table.items():
             if item.address >= first_address:

@@ -1,6 +1,9 @@
 """The wire of a virtual bus: instruction packets in, status packets out (Dynamixel protocol 2.0)."""
 
-from collections.abc import Iterable
+import functools
+import itertools
+import operator
+from collections.abc import Iterable, Sequence
 
 from dynamixel_sdk.protocol2_packet_handler import (
     ERRBIT_ALERT,
@@ -24,7 +27,7 @@ from dynamixel_sdk.robotis_def import (
     INST_WRITE,
 )
 
-from gesture_bot.servo.virtual_servo import VirtualServo
+from gesture_bot.servo.virtual_servo import RAM, VirtualServo
 
 HEADER = bytes((0xFF, 0xFF, 0xFD, 0x00))
 SDK = Protocol2PacketHandler()
@@ -43,20 +46,52 @@ def status_packet(servo_id: int, error: int, parameters: bytes) -> bytes:
     return with_crc(stuffed[:-2])
 
 
+def _status(servo: VirtualServo, servo_id: int, error: int, parameters: bytes = b"") -> bytes:
+    """What a servo answers under the ID by which it was asked."""
+    return status_packet(servo_id, error | _alert(servo), parameters)
+
+
+def _alert(servo: VirtualServo) -> int:
+    return ERRBIT_ALERT if servo.get("Hardware Error Status") else 0
+
+
+def collided(answers: Sequence[bytes]) -> bytes:
+    """What is heard of several servos that speak at once: a bit is 1 where none of them pulls the line down."""
+    if len(answers) == 1:
+        return answers[0]
+    return bytes(
+        functools.reduce(operator.and_, column) for column in itertools.zip_longest(*answers, fillvalue=0xFF)
+    )
+
+
 class VirtualWire:
     """Servos on one wire.
 
+    Two servos may have the same ID: both obey, and both answer at once.
+
     Attributes:
-        servos: The servos by ID.
+        servos: The servos by ID; of two with one ID, the first.
     """
 
     def __init__(self, servos: Iterable[VirtualServo]):
-        self.servos = {servo.get("ID"): servo for servo in servos}
+        self._all = list(servos)
+        self._baudrate: int | None = None
         self._received = bytearray()
+        self._line_up()
+
+    def tune(self, baudrate: int | None) -> None:
+        """The controller speaks so fast now [bit/s], or at an unknown speed, which all understand.
+
+        Servos that are set to another speed do not hear it.
+        """
+        if baudrate != self._baudrate:
+            self._baudrate = baudrate
+            self._received.clear()
+            self._line_up()
 
     def advance(self, seconds: float) -> None:
         """Let time pass for all servos."""
-        for servo in self.servos.values():
+        for servo in self._all:
             servo.advance(seconds)
 
     def receive(self, data: bytes) -> bytes:
@@ -69,17 +104,17 @@ class VirtualWire:
 
     def execute(self, packet: bytes) -> bytes:
         """Carry out a whole instruction packet; returns the status packets."""
-        for servo in self.servos.values():
+        for servo in itertools.chain.from_iterable(self._hearing.values()):
             servo.hear()
         servo_id, instruction = packet[PKT_ID], packet[PKT_INSTRUCTION]
         if SDK.updateCRC(0, packet, len(packet) - 2) != int.from_bytes(packet[-2:], "little"):
-            return self._status(servo_id, ERRNUM_CRC) if servo_id in self.servos else b""
+            return collided([_status(servo, servo_id, ERRNUM_CRC) for servo in self._hearing.get(servo_id, ())])
         plain = SDK.removeStuffing(list(packet))
         length = plain[PKT_LENGTH_L] | plain[PKT_LENGTH_L + 1] << 8
         parameters = bytes(plain[PKT_PARAMETER0 : PKT_INSTRUCTION + length - 2])
         if servo_id == BROADCAST_ID:
             return self._broadcast(instruction, parameters)
-        return self._single(servo_id, instruction, parameters) if servo_id in self.servos else b""
+        return self._single(servo_id, instruction, parameters)
 
     def _next_packet(self) -> bytes:
         """The next whole packet among the bytes received, or nothing yet."""
@@ -95,47 +130,65 @@ class VirtualWire:
         del self._received[:stop]
         return packet
 
+    def _line_up(self) -> None:
+        """Sort the servos by their IDs, and find those that hear the controller; packets may change both."""
+        self.servos: dict[int, VirtualServo] = {}
+        self._hearing: dict[int, list[VirtualServo]] = {}
+        for servo in self._all:
+            self.servos.setdefault(servo.get("ID"), servo)
+            if self._baudrate in (None, servo.baudrate):
+                self._hearing.setdefault(servo.get("ID"), []).append(servo)
+
     def _single(self, servo_id: int, instruction: int, parameters: bytes) -> bytes:
-        servo = self.servos[servo_id]
-        level = servo.get("Status Return Level")
+        servos = self._hearing.get(servo_id, ())
         address = int.from_bytes(parameters[:2], "little")
-        if instruction == INST_PING:
-            return self._status(servo_id, 0, servo.read(0, 2) + servo.read(6, 1))
-        if instruction == INST_READ:
-            size = int.from_bytes(parameters[2:4], "little")
-            return self._status(servo_id, 0, servo.read(address, size)) if level > 0 else b""
-        if instruction == INST_WRITE:
-            error = servo.write(address, parameters[2:])
-        elif instruction == INST_REBOOT:
-            servo.reboot()
-            error = 0
-        else:
-            error = ERRNUM_INSTRUCTION
-        return self._status(servo_id, error) if level == 2 else b""
+        answers = []
+        for servo in servos:
+            level, error, data = servo.get("Status Return Level"), 0, b""
+            needed = 2
+            if instruction == INST_PING:
+                needed, data = 0, servo.read(0, 2) + servo.read(6, 1)
+            elif instruction == INST_READ:
+                needed, data = 1, servo.read(address, int.from_bytes(parameters[2:4], "little"))
+            elif instruction == INST_WRITE:
+                error = servo.write(address, parameters[2:])
+            elif instruction == INST_REBOOT:
+                servo.reboot()
+            else:
+                error = ERRNUM_INSTRUCTION
+            if level >= needed:
+                answers.append(_status(servo, servo_id, error, data))
+        if instruction == INST_WRITE and address < RAM:
+            self._line_up()
+        return collided(answers)
 
     def _broadcast(self, instruction: int, parameters: bytes) -> bytes:
         address = int.from_bytes(parameters[:2], "little")
         size = int.from_bytes(parameters[2:4], "little")
         if instruction == INST_PING:
-            return b"".join(self._single(servo_id, instruction, b"") for servo_id in sorted(self.servos))
+            return b"".join(self._single(servo_id, instruction, b"") for servo_id in sorted(self._hearing))
         if instruction == INST_WRITE:
-            for servo in self.servos.values():
-                servo.write(address, parameters[2:])
+            for servo_id in list(self._hearing):
+                self._single(servo_id, instruction, parameters)
         elif instruction == INST_SYNC_WRITE:
             for at in range(4, len(parameters), size + 1):
-                if parameters[at] in self.servos:
-                    self.servos[parameters[at]].write(address, parameters[at + 1 : at + 1 + size])
+                for servo in self._hearing.get(parameters[at], ()):
+                    servo.write(address, parameters[at + 1 : at + 1 + size])
+            if address < RAM:
+                self._line_up()
         elif instruction == INST_SYNC_READ:
-            present = [servo_id for servo_id in parameters[4:] if servo_id in self.servos]
             return b"".join(
-                self._status(servo_id, 0, self.servos[servo_id].read(address, size)) for servo_id in present
+                collided(
+                    [
+                        _status(servo, servo_id, 0, servo.read(address, size))
+                        for servo in self._hearing.get(servo_id, ())
+                    ]
+                )
+                for servo_id in parameters[4:]
             )
         elif instruction == INST_FAST_SYNC_READ:
             return self._fast_status(list(parameters[4:]), address, size)
         return b""
-
-    def _status(self, servo_id: int, error: int, parameters: bytes = b"") -> bytes:
-        return status_packet(servo_id, error | self._alert(servo_id), parameters)
 
     def _fast_status(self, ids: list[int], address: int, size: int) -> bytes:
         """One packet to which each servo adds its part and a CRC of all so far, until one is missing."""
@@ -143,14 +196,16 @@ class VirtualWire:
         packet = bytes((*HEADER, BROADCAST_ID, *length.to_bytes(2, "little"), INST_STATUS))
         crc = SDK.updateCRC(0, packet, len(packet))
         for servo_id in ids:
-            if servo_id not in self.servos:
+            if servo_id not in self._hearing:
                 break
-            part = bytes((self._alert(servo_id), servo_id)) + self.servos[servo_id].read(address, size)
+            part = collided(
+                [
+                    bytes((_alert(servo), servo_id)) + servo.read(address, size)
+                    for servo in self._hearing[servo_id]
+                ]
+            )
             crc = SDK.updateCRC(crc, part, len(part))
             ending = crc.to_bytes(2, "little")
             packet += part + ending
             crc = SDK.updateCRC(crc, ending, 2)
         return packet
-
-    def _alert(self, servo_id: int) -> int:
-        return ERRBIT_ALERT if self.servos[servo_id].get("Hardware Error Status") else 0
