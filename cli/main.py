@@ -174,7 +174,8 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     scan = actions.add_parser(
         "scan",
         help="list the servos on the serial ports",
-        description="List the servos on the serial ports: port, baud rate, ID, model, firmware. Ten seconds a port.",
+        description="List the servos on the serial ports: port, baud rate, ID, model, firmware. "
+        "It takes ten seconds a port.",
     )
     scan.add_argument("ports", nargs="*", metavar="PORT", help="serial port (all)")
     scan.add_argument(
@@ -186,22 +187,24 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "id",
         parents=[port],
         help="give a servo another ID, and another baud rate",
-        description="Give a servo another ID, and another baud rate if asked. Connect new servos one at a time: "
-        "all have the ID 1.",
+        description="Give a servo another ID, and another baud rate if asked. Connect new servos one at "
+        "a time: all have the ID 1.",
         epilog="example: gesture-bot servos id 1 11 --set-baudrate 1000000",
     )
     change.add_argument("old", type=int, metavar="OLD", help="its ID now")
     change.add_argument("new", type=int, metavar="NEW", help="its ID from now on, 0 to 252")
     change.add_argument("--baudrate", type=int, metavar="BIT/S", help="its baud rate now (found by itself)")
-    change.add_argument("--set-baudrate", type=int, metavar="BIT/S", help="its baud rate from now on (as it is)")
+    change.add_argument(
+        "--set-baudrate", type=int, metavar="BIT/S", help="its baud rate from now on (as it is)"
+    )
     change.set_defaults(module="servos_id")
 
     check = actions.add_parser(
         "check",
         parents=[robot],
         help="compare the servos with what a robot needs",
-        description="Compare the servos with what a robot needs: model, firmware, operating mode, delay, limits. "
-        "Ends with 1 when something is not as it should be.",
+        description="Compare the servos with what a robot needs: model, firmware, operating mode, delay, "
+        "limits. Ends with 1 when something is not as it should be.",
     )
     check.add_argument("--apply", action="store_true", help="change what is not as it should be")
     check.set_defaults(module="servos_check")
@@ -223,8 +226,8 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "monitor",
         parents=[robot],
         help="watch the servos: position, current, temperature, voltage, errors",
-        description="Watch the servos in a live table until Ctrl-C. It only reads. While a driver uses the port, "
-        "look at /diagnostics instead.",
+        description="Watch the servos in a live table until Ctrl-C. It only reads. While a driver uses "
+        "the port, look at /diagnostics instead.",
     )
     monitor.set_defaults(module="servos_monitor")
 

@@ -23,7 +23,7 @@ def command(options: argparse.Namespace) -> int:
         The exit status.
 
     Raises:
-        GestureBotError: There is no such robot, joint or port; a servo does not answer; there is nothing to undo.
+        GestureBotError: There is no such robot, joint or port; a servo does not answer; nothing to undo.
     """
     with open_robot(options) as (robot, bus):
         servos = _chosen(robot, options.joints)
@@ -36,7 +36,8 @@ def command(options: argparse.Namespace) -> int:
                 _go_back(bus, servo, saved)
             return 0
         done = _guide(bus, robot, servos)
-    print(f"{done} of {len(servos)} joints calibrated; to go back: gesture-bot servos calibrate {options.robot} --undo")
+    print(f"{done} of {len(servos)} joints calibrated")
+    print(f"next: gesture-bot servos check {options.robot}, or back: servos calibrate {options.robot} --undo")
     return 0
 
 
@@ -82,4 +83,8 @@ def _wait(bus: Bus, servo: ServoEntry) -> str:
     """What somebody types while they see where the joint is."""
     mark = f"Move {servo.joint} (servo {servo.id}) to its mark, {math.degrees(servo.mark):.1f} deg"
     with Live(Text(mark), transient=True) as live:
-        return answer(lambda: live.update(Text(f"{mark}; it is at {math.degrees(read_angle(bus, servo)):.1f} deg")))
+
+        def show() -> None:
+            live.update(Text(f"{mark}; it is at {math.degrees(read_angle(bus, servo)):.1f} deg"))
+
+        return answer(show)

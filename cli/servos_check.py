@@ -26,17 +26,20 @@ def command(options: argparse.Namespace) -> int:
             inspect(bus, robot, servo) for servo in tqdm(robot.servos, "checking", unit="servo", leave=False)
         ]
         console.print(_table(inspections))
+        for one in inspections:
+            for problem in one.problems:
+                console.print(f"servo {one.servo.id} of {one.servo.joint}: {problem}")
         if options.apply:
             _apply(bus, inspections)
     changes = sum(len(one.changes) for one in inspections)
     problems = sum(len(one.problems) for one in inspections)
-    if changes and not options.apply:
-        print(f"{changes} settings would change: gesture-bot servos check {options.robot} --apply")
-    elif changes:
-        print(f"{changes} settings changed")
+    if changes:
+        print(
+            f"settings changed: {changes}" if options.apply else f"settings that --apply changes: {changes}"
+        )
     if problems:
-        print(f"{problems} problems are left to you")
-    elif not changes:
+        print(f"problems that no setting solves: {problems}")
+    if not changes and not problems:
         print("all servos are as the robot needs them")
     return int(problems > 0 or (changes > 0 and not options.apply))
 
@@ -49,12 +52,16 @@ def _apply(bus: Bus, inspections: list[Inspection]) -> None:
 
 
 def _table(inspections: list[Inspection]) -> Table:
-    table = Table("joint", "id", "model", "firmware", "is", "should be", box=None, pad_edge=False)
+    table = Table("joint", "id", "model", box=None, pad_edge=False)
+    table.add_column("setting", no_wrap=True)
+    table.add_column("is")
+    table.add_column("should be")
     for one in inspections:
-        rows = [(problem, "") for problem in one.problems]
-        rows += [(f"{change.register} {change.value}", str(change.wanted)) for change in one.changes]
-        name, *first = one.servo.joint, str(one.servo.id), one.servo.model, str(one.firmware or "")
-        for row in rows or [("in order", "")]:
-            table.add_row(name, *first, *row)
-            name, first = "", ["", "", ""]
+        model = f"{one.servo.model}, firmware {one.firmware}" if one.firmware else one.servo.model
+        name = (one.servo.joint, str(one.servo.id), model)
+        for change in one.changes:
+            table.add_row(*name, change.register, str(change.value), str(change.wanted))
+            name = ("", "", "")
+        if not one.changes and not one.problems:
+            table.add_row(*name, "in order")
     return table

@@ -19,7 +19,8 @@ def command(options: argparse.Namespace) -> int:
     """Change the ID of a servo, and its baud rate if asked; the exit status.
 
     Raises:
-        GestureBotError: An option is not valid, the servo does not answer or is not alone, or the ID is taken.
+        GestureBotError: An option is not valid, the servo does not answer or shares its ID, or the new ID
+            is taken.
     """
     port, old, new = options.port or only_port(), options.old, options.new
     check_new_address(new, options.set_baudrate or options.baudrate or 57_600)

@@ -45,7 +45,9 @@ def _table(robot: Robot, states: list[ServoState | None]) -> Table:
 def _cells(state: ServoState | None) -> tuple[str | Text, ...]:
     if state is None:
         return "", "", "", "", "", Text("does not answer", "red")
-    effort = f"{100 * (state.load or 0):.0f} % load" if state.current is None else f"{1000 * state.current:.0f} mA"
+    effort = (
+        f"{1000 * (state.current or 0):.0f} mA" if state.load is None else f"{100 * state.load:.0f} % load"
+    )
     return (
         f"{math.degrees(state.position):.1f} deg",
         effort,

@@ -35,10 +35,10 @@ def command(options: argparse.Namespace) -> int:
     for error in refusals.values():
         print(f"left out: {error}", file=sys.stderr)
     if not found:
-        looked = [port for port in ports if port not in refusals]
+        looked = ", ".join(port for port in ports if port not in refusals) or "any port"
         raise BusError(
-            f"no servo answers on {', '.join(looked) or 'any port'} at {', '.join(map(str, rates))} bit/s: is "
-            "the power on? Only protocol 2.0 is understood"
+            f"no servo answers on {looked} at {', '.join(map(str, rates))} bit/s: is the power on? "
+            "Only protocol 2.0 is understood"
         )
     Console(highlight=False, markup=False, soft_wrap=True).print(_table(found))
     return 0

@@ -72,7 +72,8 @@ class Joint(_Section):
         acceleration: Largest acceleration [rad/s^2]. URDF has no place for it.
         lower: Narrows the URDF's lower limit [rad].
         upper: Narrows the URDF's upper limit [rad].
-        mark: Where the joint stands when it is calibrated [rad]; if not given, at zero, or at its limit next to it.
+        mark: Where the joint stands when it is calibrated [rad]; if not given, at zero, or at its limit next
+            to zero.
     """
 
     id: int = Field(ge=0, le=252)

@@ -73,4 +73,6 @@ def change_baudrate(bus: Bus, servo_id: int, baudrate: int) -> None:
             refusal = error
     with closing(Bus(bus.port, baudrate)) as faster:
         if faster.ping(servo_id) is None:
-            raise refusal or BusError(f"servo {servo_id} was set to {baudrate} bit/s, and does not answer at it")
+            raise refusal or BusError(
+                f"servo {servo_id} does not answer after it was set to [bit/s]", baudrate
+            )

@@ -153,13 +153,14 @@ class Bus:
         """All servos that answer, by ID; None where the answer is damaged. Takes about a second."""
         with self._port_errors():
             found, _ = self._sdk.broadcastPing(self._port)
+        identities = {servo_id: Identity(*answer) for servo_id, answer in found.items()}
         speakers = {answer[PKT_ID] for answer in PING_ANSWER.findall(self._port.heard)}
-        return {servo_id: Identity(*found[servo_id]) if servo_id in found else None for servo_id in sorted(speakers)}
+        return {servo_id: identities.get(servo_id) for servo_id in sorted(speakers)}
 
     def is_clear(self, servo_id: int) -> bool:
         """Whether what a servo says of its state comes undamaged, at least once in a few times.
 
-        Where two servos have one ID, both speak at once, and what they say differs: the clock alone (120) does.
+        Where two servos have one ID, both speak at once, and what they say differs: their clocks (120) do.
         """
         address = REGISTERS["Realtime Tick"].address
         size = REGISTERS["Present Temperature"].address + 1 - address

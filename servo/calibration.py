@@ -1,4 +1,4 @@
-"""Calibration: a joint is moved to its mark by hand, and its servo's Homing Offset (20) is set accordingly."""
+"""Calibration: a joint is moved to its mark by hand, and its servo's Homing Offset (20) is set to fit."""
 
 import json
 import math
@@ -18,6 +18,8 @@ from gesture_bot.servo.table import joint_angle
 
 SAMPLES, INTERVAL = 10, 0.03
 """A joint that is held still is measured so many times, so far apart [s]."""
+
+NOT_THERE = "is it at its mark? If so"
 
 STILL = 8
 """How far it may move meanwhile [ticks], 0.7 degrees."""
@@ -43,7 +45,8 @@ def calibrate(bus: Bus, robot: Robot, servo: ServoEntry) -> tuple[int, int]:
         BusError: The servo does not answer, or refuses.
     """
     before = read_homing(bus, servo.id)
-    after = _homing(robot, servo, _still_position(bus, servo) - (before if abs(before) <= HOMING_RANGE else 0))
+    counted = before if abs(before) <= HOMING_RANGE else 0
+    after = _homing(robot, servo, _still_position(bus, servo) - counted)
     if after != before:
         bus.write(servo.id, "Homing Offset", after)
     return before, after
@@ -94,18 +97,18 @@ def _homing(robot: Robot, servo: ServoEntry, encoder: int) -> int:
     encoder %= TURN + 1
     at_mark = round(CENTRE + TICKS_PER_RADIAN * (servo.direction * servo.mark + servo.offset))
     homing = at_mark - encoder
-    off = math.degrees(homing / TICKS_PER_RADIAN)
     lowest, highest = joint_ends(robot, servo)
+    off = (
+        f"{servo.joint} is {math.degrees(homing / TICKS_PER_RADIAN):+.0f} deg from where its servo should be"
+    )
     if not 0 <= lowest - homing <= highest - homing <= TURN:
         raise RobotError(
-            f"{servo.joint} is {off:+.0f} deg from where its servo should be, and would pass the end of the servo's "
-            f"turn: is it at its mark? If so, mount its horn anew"
+            f"{off}, and would pass the end of the servo's turn: {NOT_THERE}, mount its horn anew"
         )
     if abs(homing) > HOMING_RANGE:
         offset = (encoder - CENTRE) / TICKS_PER_RADIAN - servo.direction * servo.mark
         raise RobotError(
-            f"{servo.joint} is {off:+.0f} deg from where its servo should be, and Homing Offset takes 90: is it at "
-            f"its mark? If so, set its offset in the robot's file to {offset:.3f}, and calibrate again"
+            f"{off}, beyond 90: {NOT_THERE}, set its offset in the robot's file to {offset:.3f}"
         )
     return homing
 

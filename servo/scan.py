@@ -11,9 +11,10 @@ from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.models import model_name
 
 LIKELY = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 115_200, 9_600)
-"""Baud rates that are tried [bit/s]: that of the factory, then the fast ones. The SDK does not know 4.5 Mbit/s."""
+"""Baud rates that are tried [bit/s]: the factory's, then the fast ones. The SDK does not know 4.5 Mbit/s."""
 
-SHARED = "damaged answers: two servos have this ID, or a cable is bad. Unplug one, and give the other a new ID"
+SHARED = "damaged answers: two servos have this ID, or a cable is bad. Unplug one, give the other a new ID"
+"""What damaged answers mean, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def find_baudrate(port: str, servo_id: int, baudrates: Iterable[int] = LIKELY) -
     tried = []
     for baudrate in baudrates:
         with closing(Bus(port, baudrate)) as bus:
-            if bus.ping(servo_id) is not None:
+            if servo_id in bus.scan():
                 return baudrate
         tried.append(f"{baudrate} bit/s")
     raise BusError(f"servo {servo_id} does not answer on {port} at {', '.join(tried)}")

@@ -20,6 +20,8 @@ from gesture_bot.servo.preparation import SETTINGS, hardware_errors
 from gesture_bot.servo.scan import SHARED
 from gesture_bot.servo.table import ServoTable
 
+SILENT = "does not answer: `gesture-bot servos scan` finds servos with other IDs and baud rates"
+
 SHUTDOWN = 1 << 2 | 1 << 4 | 1 << 5
 """Shutdown (63): torque goes off when the servo is too hot, gets an electrical shock, or is overloaded."""
 
@@ -75,12 +77,11 @@ def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
     Raises:
         BusError: It answers, and then stops to.
     """
-    number = bus.ping(servo.id)
     if not bus.is_clear(servo.id):
-        return Inspection(servo, problems=("does not answer" if number is None else SHARED,))
+        return Inspection(servo, problems=(SHARED if servo.id in bus.scan() else SILENT,))
+    number, firmware = bus.read(servo.id, "Model Number"), bus.read(servo.id, "Firmware Version")
     if number != find_model(servo.model).number:
-        return Inspection(servo, problems=(f"is of the model {model_name(number or 0)}, not {servo.model}",))
-    firmware = bus.read(servo.id, "Firmware Version")
+        return Inspection(servo, firmware, problems=(f"is of the model {model_name(number)}",))
     problems = [f"reports {error}" for error in hardware_errors(bus.read(servo.id, "Hardware Error Status"))]
     if firmware < WATCHDOG_FIRMWARE:
         problems.append(f"has no watchdog: it comes with firmware {WATCHDOG_FIRMWARE}. Update it")

@@ -30,9 +30,7 @@ if TYPE_CHECKING:
 CHILD = "-"
 """In place of a robot: the servos come as JSON on the standard input."""
 
-SPEEDS = {
-    getattr(termios, f"B{rate}"): rate for rate in BAUD_RATES.values() if hasattr(termios, f"B{rate}")
-}
+SPEEDS = {getattr(termios, f"B{rate}"): rate for rate in BAUD_RATES.values() if hasattr(termios, f"B{rate}")}
 """Baud rates [bit/s] by what the system calls them."""
 
 LONGEST_STEP = 0.01

@@ -65,7 +65,7 @@ GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 
 @dataclass(frozen=True)
 class ServoSpec:
-    """A servo to simulate: its ID, its model's name, where its joint stands [ticks], and its baud rate [bit/s]."""
+    """A servo to simulate: ID, name of the model, where its joint stands [ticks], baud rate [bit/s]."""
 
     id: int
     model: str

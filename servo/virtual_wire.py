@@ -56,7 +56,7 @@ def _alert(servo: VirtualServo) -> int:
 
 
 def collided(answers: Sequence[bytes]) -> bytes:
-    """What is heard of several servos that speak at once: a bit is 1 where none of them pulls the line down."""
+    """What is heard of servos that speak at once: a bit is 1 where none of them pulls the line down."""
     if len(answers) == 1:
         return answers[0]
     return bytes(
@@ -108,7 +108,9 @@ class VirtualWire:
             servo.hear()
         servo_id, instruction = packet[PKT_ID], packet[PKT_INSTRUCTION]
         if SDK.updateCRC(0, packet, len(packet) - 2) != int.from_bytes(packet[-2:], "little"):
-            return collided([_status(servo, servo_id, ERRNUM_CRC) for servo in self._hearing.get(servo_id, ())])
+            return collided(
+                [_status(servo, servo_id, ERRNUM_CRC) for servo in self._hearing.get(servo_id, ())]
+            )
         plain = SDK.removeStuffing(list(packet))
         length = plain[PKT_LENGTH_L] | plain[PKT_LENGTH_L + 1] << 8
         parameters = bytes(plain[PKT_PARAMETER0 : PKT_INSTRUCTION + length - 2])
