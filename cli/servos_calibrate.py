@@ -30,12 +30,13 @@ def command(options: argparse.Namespace) -> int:
         saved = saved_homings(robot) if options.undo else {}
         check_servos(bus, robot)
         release(bus, [servo.id for servo in robot.servos])
-        save_homings(robot, {servo.joint: read_homing(bus, servo.id) for servo in robot.servos})
+        now = {servo.joint: read_homing(bus, servo.id) for servo in robot.servos}
         if options.undo:
+            save_homings(robot, now)
             for servo in servos:
-                _go_back(bus, servo, saved)
+                _go_back(bus, servo, now[servo.joint], saved.get(servo.joint, now[servo.joint]))
             return 0
-        done = _guide(bus, robot, servos)
+        done = _guide(bus, robot, servos, now)
     print(f"{done} of {len(servos)} joints calibrated")
     print(f"next: gesture-bot servos check {options.robot}, or back: servos calibrate {options.robot} --undo")
     return 0
@@ -48,17 +49,15 @@ def _chosen(robot: Robot, joints: Sequence[str]) -> list[ServoEntry]:
     return [servo for servo in robot.servos if not joints or servo.joint in joints]
 
 
-def _go_back(bus: Bus, servo: ServoEntry, saved: dict[str, int]) -> None:
-    before = read_homing(bus, servo.id)
-    after = saved.get(servo.joint, before)
-    if after != before:
-        bus.write(servo.id, "Homing Offset", after)
-        print(f"{servo.joint}: homing offset {before} -> {after}")
+def _go_back(bus: Bus, servo: ServoEntry, now: int, before: int) -> None:
+    if before != now:
+        bus.write(servo.id, "Homing Offset", before)
+    print(f"{servo.joint}: homing offset {now} -> {before}")
 
 
-def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry]) -> int:
-    """How many joints were calibrated."""
-    print("Enter: the joint is at its mark; s: leave this joint as it is; q: end here")
+def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[str, int]) -> int:
+    """How many joints were calibrated; with the first, the `homings` before it are kept, to go back to."""
+    print("Enter: the joint is at its mark; s: leave this joint as it is; q: end here", flush=True)
     done, waiting = 0, list(servos)
     while waiting:
         servo = waiting[0]
@@ -68,12 +67,14 @@ def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry]) -> int:
             case "s":
                 waiting.pop(0)
             case "":
+                if not done:
+                    save_homings(robot, homings)
                 try:
                     before, after = calibrate(bus, robot, servo)
                 except RobotError as error:
-                    print(error)
+                    print(error, flush=True)
                     continue
-                print(f"{servo.joint}: homing offset {before} -> {after}")
+                print(f"{servo.joint}: homing offset {before} -> {after}", flush=True)
                 done += 1
                 waiting.pop(0)
     return done

@@ -52,12 +52,12 @@ def _apply(bus: Bus, inspections: list[Inspection]) -> None:
 
 
 def _table(inspections: list[Inspection]) -> Table:
-    table = Table("joint", "id", "model", box=None, pad_edge=False)
+    table = Table("joint", "id", "model, firmware", box=None, pad_edge=False)
     table.add_column("setting", no_wrap=True)
     table.add_column("is")
     table.add_column("should be")
     for one in inspections:
-        model = f"{one.servo.model}, firmware {one.firmware}" if one.firmware else one.servo.model
+        model = f"{one.servo.model} v{one.firmware}" if one.firmware else one.servo.model
         name = (one.servo.joint, str(one.servo.id), model)
         for change in one.changes:
             table.add_row(*name, change.register, str(change.value), str(change.wanted))

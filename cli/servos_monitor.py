@@ -32,8 +32,9 @@ def command(options: argparse.Namespace) -> int:
 
 
 def _table(robot: Robot, states: list[ServoState | None]) -> Table:
-    table = Table("joint", "id", box=None, pad_edge=False)
-    for column in ("position", "current", "temperature", "voltage"):
+    table = Table(box=None, pad_edge=False)
+    table.add_column("joint", no_wrap=True)
+    for column in ("id", "position", "current", "heat", "voltage"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("torque")
     table.add_column("errors")
@@ -49,9 +50,9 @@ def _cells(state: ServoState | None) -> tuple[str | Text, ...]:
         f"{1000 * (state.current or 0):.0f} mA" if state.load is None else f"{100 * state.load:.0f} % load"
     )
     return (
-        f"{math.degrees(state.position):.1f} deg",
+        f"{math.degrees(state.position):.1f}°",
         effort,
-        f"{state.temperature} C",
+        f"{state.temperature} °C",
         f"{state.voltage:.1f} V",
         "on" if state.torque else "off",
         Text(" and ".join(state.errors), "red"),

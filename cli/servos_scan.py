@@ -32,21 +32,24 @@ def command(options: argparse.Namespace) -> int:
                 progress.update()
     if len(refusals) == len(ports) == 1:
         raise refusals[ports[0]]
-    for error in refusals.values():
-        print(f"left out: {error}", file=sys.stderr)
+    for refusal in refusals.values():
+        print(f"left out: {refusal}", file=sys.stderr)
     if not found:
         looked = ", ".join(port for port in ports if port not in refusals) or "any port"
         raise BusError(
             f"no servo answers on {looked} at {', '.join(map(str, rates))} bit/s: is the power on? "
             "Only protocol 2.0 is understood"
         )
-    Console(highlight=False, markup=False, soft_wrap=True).print(_table(found))
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console.print(_table(found))
+    for one in found:
+        if not one.clear:
+            console.print(f"servo {one.id} on {one.port}: {SHARED}")
     return 0
 
 
 def _table(found: list[Found]) -> Table:
-    table = Table("port", "baud rate", "id", "model", "firmware", "", box=None, pad_edge=False)
+    table = Table("port", "baud rate", "id", "model", "firmware", box=None, pad_edge=False)
     for one in found:
-        note = "" if one.clear else SHARED
-        table.add_row(one.port, str(one.baudrate), str(one.id), one.model, str(one.firmware or ""), note)
+        table.add_row(one.port, str(one.baudrate), str(one.id), one.model, str(one.firmware or ""))
     return table

@@ -107,9 +107,7 @@ def _homing(robot: Robot, servo: ServoEntry, encoder: int) -> int:
         )
     if abs(homing) > HOMING_RANGE:
         offset = (encoder - CENTRE) / TICKS_PER_RADIAN - servo.direction * servo.mark
-        raise RobotError(
-            f"{off}, beyond 90: {NOT_THERE}, set its offset in the robot's file to {offset:.3f}"
-        )
+        raise RobotError(f"{off}, beyond 90: {NOT_THERE}, set its offset in the robot's file to {offset:.3f}")
     return homing
 
 
