@@ -80,7 +80,7 @@ def serve(wire: VirtualWire, servos_end: int, stop: int) -> None:
             return
         if servos_end in readable:
             _, _, _, _, speed, _, _ = termios.tcgetattr(servos_end)
-            wire.tune(SPEEDS.get(speed))
+            wire.baudrate = SPEEDS.get(speed)
             os.write(servos_end, wire.receive(os.read(servos_end, 4096)))
 
 

@@ -71,27 +71,18 @@ class VirtualWire:
 
     Attributes:
         servos: The servos by ID; of two with one ID, the first.
+        baudrate: How fast the controller speaks [bit/s]: only servos that are set to it understand. None
+            where that is not known: then all do.
     """
 
     def __init__(self, servos: Iterable[VirtualServo]):
-        self._all = list(servos)
-        self._baudrate: int | None = None
+        self.baudrate: int | None = None
         self._received = bytearray()
-        self._line_up()
-
-    def tune(self, baudrate: int | None) -> None:
-        """The controller speaks so fast now [bit/s], or at an unknown speed, which all understand.
-
-        Servos that are set to another speed do not hear it.
-        """
-        if baudrate != self._baudrate:
-            self._baudrate = baudrate
-            self._received.clear()
-            self._line_up()
+        self._sort(servos)
 
     def advance(self, seconds: float) -> None:
         """Let time pass for all servos."""
-        for servo in self._all:
+        for servo in (*self.servos.values(), *self._twins):
             servo.advance(seconds)
 
     def receive(self, data: bytes) -> bytes:
@@ -104,13 +95,11 @@ class VirtualWire:
 
     def execute(self, packet: bytes) -> bytes:
         """Carry out a whole instruction packet; returns the status packets."""
-        for servo in itertools.chain.from_iterable(self._hearing.values()):
+        for servo in self._listeners():
             servo.hear()
         servo_id, instruction = packet[PKT_ID], packet[PKT_INSTRUCTION]
         if SDK.updateCRC(0, packet, len(packet) - 2) != int.from_bytes(packet[-2:], "little"):
-            return collided(
-                [_status(servo, servo_id, ERRNUM_CRC) for servo in self._hearing.get(servo_id, ())]
-            )
+            return collided([_status(servo, servo_id, ERRNUM_CRC) for servo in self._listeners(servo_id)])
         plain = SDK.removeStuffing(list(packet))
         length = plain[PKT_LENGTH_L] | plain[PKT_LENGTH_L + 1] << 8
         parameters = bytes(plain[PKT_PARAMETER0 : PKT_INSTRUCTION + length - 2])
@@ -132,20 +121,27 @@ class VirtualWire:
         del self._received[:stop]
         return packet
 
-    def _line_up(self) -> None:
-        """Sort the servos by their IDs, and find those that hear the controller; packets may change both."""
+    def _sort(self, servos: Iterable[VirtualServo]) -> None:
+        """Find the servos by their IDs, which packets may change."""
         self.servos: dict[int, VirtualServo] = {}
-        self._hearing: dict[int, list[VirtualServo]] = {}
-        for servo in self._all:
-            self.servos.setdefault(servo.get("ID"), servo)
-            if self._baudrate in (None, servo.baudrate):
-                self._hearing.setdefault(servo.get("ID"), []).append(servo)
+        self._twins: list[VirtualServo] = []
+        for servo in servos:
+            if self.servos.setdefault(servo.get("ID"), servo) is not servo:
+                self._twins.append(servo)
+
+    def _listeners(self, servo_id: int | None = None) -> list[VirtualServo]:
+        """The servos with an ID, or all, that understand the controller."""
+        if servo_id is None:
+            found = [*self.servos.values(), *self._twins]
+        else:
+            found = [self.servos[servo_id]] if servo_id in self.servos else []
+            found += [twin for twin in self._twins if twin.get("ID") == servo_id]
+        return [servo for servo in found if self.baudrate in (None, servo.baudrate)]
 
     def _single(self, servo_id: int, instruction: int, parameters: bytes) -> bytes:
-        servos = self._hearing.get(servo_id, ())
         address = int.from_bytes(parameters[:2], "little")
         answers = []
-        for servo in servos:
+        for servo in self._listeners(servo_id):
             level, error, data = servo.get("Status Return Level"), 0, b""
             needed = 2
             if instruction == INST_PING:
@@ -161,32 +157,27 @@ class VirtualWire:
             if level >= needed:
                 answers.append(_status(servo, servo_id, error, data))
         if instruction == INST_WRITE and address < RAM:
-            self._line_up()
+            self._sort([*self.servos.values(), *self._twins])
         return collided(answers)
 
     def _broadcast(self, instruction: int, parameters: bytes) -> bytes:
         address = int.from_bytes(parameters[:2], "little")
         size = int.from_bytes(parameters[2:4], "little")
         if instruction == INST_PING:
-            return b"".join(self._single(servo_id, instruction, b"") for servo_id in sorted(self._hearing))
+            return b"".join(self._single(servo_id, instruction, b"") for servo_id in sorted(self.servos))
         if instruction == INST_WRITE:
-            for servo_id in list(self._hearing):
+            for servo_id in list(self.servos):
                 self._single(servo_id, instruction, parameters)
         elif instruction == INST_SYNC_WRITE:
             for at in range(4, len(parameters), size + 1):
-                for servo in self._hearing.get(parameters[at], ()):
+                for servo in self._listeners(parameters[at]):
                     servo.write(address, parameters[at + 1 : at + 1 + size])
             if address < RAM:
-                self._line_up()
+                self._sort([*self.servos.values(), *self._twins])
         elif instruction == INST_SYNC_READ:
             return b"".join(
-                collided(
-                    [
-                        _status(servo, servo_id, 0, servo.read(address, size))
-                        for servo in self._hearing.get(servo_id, ())
-                    ]
-                )
-                for servo_id in parameters[4:]
+                collided([_status(servo, i, 0, servo.read(address, size)) for servo in self._listeners(i)])
+                for i in parameters[4:]
             )
         elif instruction == INST_FAST_SYNC_READ:
             return self._fast_status(list(parameters[4:]), address, size)
@@ -198,14 +189,10 @@ class VirtualWire:
         packet = bytes((*HEADER, BROADCAST_ID, *length.to_bytes(2, "little"), INST_STATUS))
         crc = SDK.updateCRC(0, packet, len(packet))
         for servo_id in ids:
-            if servo_id not in self._hearing:
+            asked = self._listeners(servo_id)
+            if not asked:
                 break
-            part = collided(
-                [
-                    bytes((_alert(servo), servo_id)) + servo.read(address, size)
-                    for servo in self._hearing[servo_id]
-                ]
-            )
+            part = collided([bytes((_alert(servo), servo_id)) + servo.read(address, size) for servo in asked])
             crc = SDK.updateCRC(crc, part, len(part))
             ending = crc.to_bytes(2, "little")
             packet += part + ending
