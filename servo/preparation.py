@@ -13,6 +13,7 @@ from gesture_bot.servo.models import (
     model_name,
     signed,
 )
+from gesture_bot.servo.scan import SHARED
 from gesture_bot.servo.table import ServoTable
 
 SETTINGS = {"Operating Mode": POSITION_MODE, "Drive Mode": 0, "Return Delay Time": 0}
@@ -29,6 +30,8 @@ def check_servos(bus: Bus, robot: Robot) -> None:
         number = bus.ping(servo.id)
         if number is None:
             found = bus.scan()
+            if servo.id in found:
+                raise BusError(f"servo {servo.id} of {servo.joint}: {SHARED}")
             message = f"no servo answers for {servo.joint} on {bus.port}, at ID"
             raise BusError(message, servo.id, found if found else ["no servo at all"])
         if number != find_model(servo.model).number:
