@@ -58,8 +58,8 @@ def read_states(bus: Bus, robot: Robot) -> list[ServoState | None]:
     """
     ids = [servo.id for servo in robot.servos]
     answers = bus.sync_read(ids, ADDRESS, RECORD.itemsize, fast=False)
-    if not answers:
-        answers = {servo_id: bus.try_read(servo_id, ADDRESS, RECORD.itemsize) for servo_id in ids}
+    missing = [servo_id for servo_id in ids if servo_id not in answers]
+    answers |= {servo_id: bus.try_read(servo_id, ADDRESS, RECORD.itemsize) for servo_id in missing}
     return [_state(robot, joint, answers[servo_id]) for joint, servo_id in enumerate(ids)]
 
 
