@@ -24,10 +24,14 @@ from dynamixel_sdk.robotis_def import (
     INST_WRITE,
 )
 
+from gesture_bot.servo.virtual_faults import WireFaults
 from gesture_bot.servo.virtual_servo import VirtualServo
 
 HEADER = bytes((0xFF, 0xFF, 0xFD, 0x00))
 SDK = Protocol2PacketHandler()
+
+LONGEST_PACKET = 512
+"""A header that announces more bytes was damaged."""
 
 
 def with_crc(packet: list[int]) -> bytes:
@@ -48,10 +52,12 @@ class VirtualWire:
 
     Attributes:
         servos: The servos by ID.
+        faults: What is wrong with the wire.
     """
 
     def __init__(self, servos: Iterable[VirtualServo]):
         self.servos = {servo.get("ID"): servo for servo in servos}
+        self.faults = WireFaults()
         self._received = bytearray()
 
     def advance(self, seconds: float) -> None:
@@ -61,25 +67,32 @@ class VirtualWire:
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the controller; returns the bytes that the servos answer."""
-        self._received += data
+        self._received += self.faults.through(data)
         answers = b""
         while packet := self._next_packet():
             answers += self.execute(packet)
-        return answers
+        return self.faults.through(answers)
 
     def execute(self, packet: bytes) -> bytes:
         """Carry out a whole instruction packet; returns the status packets."""
-        for servo in self.servos.values():
-            servo.hear()
         servo_id, instruction = packet[PKT_ID], packet[PKT_INSTRUCTION]
         if SDK.updateCRC(0, packet, len(packet) - 2) != int.from_bytes(packet[-2:], "little"):
-            return self._status(servo_id, ERRNUM_CRC) if servo_id in self.servos else b""
+            return self._status(servo_id, ERRNUM_CRC) if self._hears(servo_id) else b""
+        for servo in self._listeners():
+            servo.hear()
         plain = SDK.removeStuffing(list(packet))
         length = plain[PKT_LENGTH_L] | plain[PKT_LENGTH_L + 1] << 8
         parameters = bytes(plain[PKT_PARAMETER0 : PKT_INSTRUCTION + length - 2])
         if servo_id == BROADCAST_ID:
             return self._broadcast(instruction, parameters)
-        return self._single(servo_id, instruction, parameters) if servo_id in self.servos else b""
+        return self._single(servo_id, instruction, parameters) if self._hears(servo_id) else b""
+
+    def _hears(self, servo_id: int) -> bool:
+        servo = self.servos.get(servo_id)
+        return servo is not None and servo.power and servo_id not in self.faults.silent
+
+    def _listeners(self) -> list[VirtualServo]:
+        return [servo for servo_id, servo in self.servos.items() if self._hears(servo_id)]
 
     def _next_packet(self) -> bytes:
         """The next whole packet among the bytes received, or nothing yet."""
@@ -89,6 +102,9 @@ class VirtualWire:
             return b""
         del self._received[:start]
         stop = PKT_INSTRUCTION + int.from_bytes(self._received[PKT_LENGTH_L:PKT_INSTRUCTION], "little")
+        if stop > LONGEST_PACKET:
+            del self._received[: len(HEADER)]
+            return self._next_packet()
         if len(self._received) < max(stop, PKT_PARAMETER0 + 2):
             return b""
         packet = bytes(self._received[:stop])
@@ -117,16 +133,17 @@ class VirtualWire:
         address = int.from_bytes(parameters[:2], "little")
         size = int.from_bytes(parameters[2:4], "little")
         if instruction == INST_PING:
-            return b"".join(self._single(servo_id, instruction, b"") for servo_id in sorted(self.servos))
+            found = sorted(filter(self._hears, self.servos))
+            return b"".join(self._single(servo_id, instruction, b"") for servo_id in found)
         if instruction == INST_WRITE:
-            for servo in self.servos.values():
+            for servo in self._listeners():
                 servo.write(address, parameters[2:])
         elif instruction == INST_SYNC_WRITE:
             for at in range(4, len(parameters), size + 1):
-                if parameters[at] in self.servos:
+                if self._hears(parameters[at]):
                     self.servos[parameters[at]].write(address, parameters[at + 1 : at + 1 + size])
         elif instruction == INST_SYNC_READ:
-            present = [servo_id for servo_id in parameters[4:] if servo_id in self.servos]
+            present = filter(self._hears, parameters[4:])
             return b"".join(
                 self._status(servo_id, 0, self.servos[servo_id].read(address, size)) for servo_id in present
             )
@@ -135,6 +152,8 @@ class VirtualWire:
         return b""
 
     def _status(self, servo_id: int, error: int, parameters: bytes = b"") -> bytes:
+        if self.faults.loses_reply():
+            return b""
         return status_packet(servo_id, error | self._alert(servo_id), parameters)
 
     def _fast_status(self, ids: list[int], address: int, size: int) -> bytes:
@@ -143,7 +162,7 @@ class VirtualWire:
         packet = bytes((*HEADER, BROADCAST_ID, *length.to_bytes(2, "little"), INST_STATUS))
         crc = SDK.updateCRC(0, packet, len(packet))
         for servo_id in ids:
-            if servo_id not in self.servos:
+            if not self._hears(servo_id) or self.faults.loses_reply():
                 break
             part = bytes((self._alert(servo_id), servo_id)) + self.servos[servo_id].read(address, size)
             crc = SDK.updateCRC(crc, part, len(part))

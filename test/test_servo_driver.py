@@ -12,7 +12,8 @@ from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.driver import HEALTH_ADDRESS, HEALTH_SIZE, Driver
+from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.health import HEALTH_ADDRESS, HEALTH_SIZE
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
 from gesture_bot.servo.mux import MotionMux
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
@@ -128,9 +129,10 @@ def test_joints_move_to_the_goal_and_report_it(driver, wire):
     assert driver.status.read_failures == 0
     assert driver.status.command_age == pytest.approx(0.89)
     assert driver.status.interventions.position == driver.status.interventions.velocity == 0
-    (health,) = driver.status.health.values()
-    assert health.temperature == pytest.approx(25, abs=1)
-    assert (health.voltage, health.errors) == (12.0, ())
+    assert len(driver.status.health) >= 6
+    for health in driver.status.health.values():
+        assert health.temperature == pytest.approx(25, abs=1)
+        assert (health.voltage, health.errors, health.torque) == (12.0, (), True)
 
 
 @pytest.mark.parametrize(("lag_ms", "left"), [(0.0, 2 / BANDWIDTH + DT), (45.0, 0.0)])
