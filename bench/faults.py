@@ -1,6 +1,6 @@
-"""What the robot makes of faults on its servo bus, in simulated time: each on a virtual bus, with the real driver.
+"""What the robot makes of faults: the real driver on a virtual bus, in simulated time.
 
-`make bench-faults`; the last line is one JSON object, an entry a fault. Two entries where the robot's file decides
+`make bench-faults`; the last line is one JSON object, an entry a fault, and two where the robot's file decides
 what the other joints do.
 """
 

@@ -1,4 +1,4 @@
-"""What the driver makes of faults: each is tried on a virtual bus, and the joints are watched from behind it."""
+"""What the driver makes of faults: each is tried on a virtual bus, and the joints are watched behind it."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,8 +25,8 @@ SWING = 0.5
 FREQUENCY = 0.5
 """How often they do [Hz]."""
 
-BEFORE, LASTING, AFTER = 2.3, 6.0, 10.0
-"""How long all is well (until the joints are in full swing), how long a fault lasts, and how long the robot has to come back [s]."""
+BEFORE, LASTING, AFTER = 2.3, 5.0, 10.0
+"""How long all is well, until full swing; how long a fault lasts; how long the robot has to come back [s]."""
 
 SETTLING = 3.0
 """So long after a fault began, those that are to stand do [s]."""

@@ -70,20 +70,20 @@ class Port(PortHandler):
     written_at = 0.0
     clock: Clock = time
 
-    def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
+    def setupPort(self, cflag_baud: int) -> bool:  # noqa: D102, N802
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
         self.ser.exclusive = True
         return True
 
-    def writePort(self, packet: list[int]) -> int:  # noqa: N802
+    def writePort(self, packet: list[int]) -> int:  # noqa: D102, N802
         self.written_at = self.clock.monotonic()
         return int(super().writePort(packet))
 
-    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
+    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: D102, N802
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
 
-    def getCurrentTime(self) -> float:  # noqa: N802
+    def getCurrentTime(self) -> float:  # noqa: D102, N802
         return 1000.0 * self.clock.monotonic()  # the SDK's own is the wall clock, which may be set
 
 

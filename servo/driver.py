@@ -102,6 +102,7 @@ class Driver:
 
     Attributes:
         status: Counts and states for diagnostics.
+        clock: Tells the time; on a simulated bus, the simulated time.
 
     Raises:
         RobotError: The robot's servo table names an unknown model.
@@ -111,7 +112,7 @@ class Driver:
         self.status = Status()
         self._robot = robot
         self._port = Port(port) if isinstance(port, str) else port
-        self._clock = self._port.clock
+        self.clock = self._port.clock
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
@@ -163,7 +164,7 @@ class Driver:
     def tick(self, now: float) -> Feedback:
         """Send each joint where it is to be now [s since the epoch], and read where it is.
 
-        A port that has vanished is opened again as soon as it is back, and the joints start from where they are.
+        A port that has vanished is opened again when it is back; the joints start from where they are.
 
         Raises:
             PortError: The port has vanished.
@@ -203,7 +204,7 @@ class Driver:
 
     def _cycle(self, now: float) -> Feedback:
         self._open_bus()
-        begin = self._clock.monotonic()
+        begin = self.clock.monotonic()
         self._account(now)
         self._upkeep.step(now)
         # Servos are behind their goals: these are sent so much earlier.
@@ -245,14 +246,14 @@ class Driver:
     def _exchange(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """One cycle on the bus: goals out, through the envelope, and the present state in."""
         bus = self._open_bus()
-        if self._clock.monotonic() - self._last_packet > self._watchdog:
+        if self.clock.monotonic() - self._last_packet > self._watchdog:
             self.status.watchdog_stops += 1
             self._arm()
         sent = self._envelope.step(positions, velocities, self._upkeep.heat.speed)
         goals = self._table.by_id(self._table.ticks(sent))
         used = zip(self._table.ids, ~self._upkeep.out, strict=True)
         bus.sync_write("Goal Position", {servo_id: goals[servo_id] for servo_id, on in used if on})
-        self._last_packet = self._clock.monotonic()
+        self._last_packet = self.clock.monotonic()
         self._reader.read()
 
     def _compare(self, measured: np.ndarray, efforts: np.ndarray, now: float) -> None:
@@ -292,7 +293,7 @@ class Driver:
         positions, _, _ = self._table.joint_state(self._reader.present)
         self._envelope.reset(positions)
         bus.set_all(used, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
-        self._last_packet = self._clock.monotonic()
+        self._last_packet = self.clock.monotonic()
 
     def _lose_port(self, now: float) -> None:
         self.status.ports_lost += 1
@@ -312,9 +313,9 @@ class Driver:
             np.sqrt(np.max(5.774 * distance / (EXIT_SHARE * limits.acceleration))),
             self._dt,
         )
-        start = self._clock.monotonic()
+        start = self.clock.monotonic()
         for elapsed in np.arange(0.0, EXIT_TIME, self._dt):
-            self._clock.sleep(max(start + elapsed - self._clock.monotonic(), 0.0))
+            self.clock.sleep(max(start + elapsed - self.clock.monotonic(), 0.0))
             self._exchange(*ease(coast(*leaving, elapsed), rest, elapsed, duration))
             if elapsed > duration and np.allclose(self._envelope.positions, rest[0], atol=1e-3):
                 return

@@ -8,8 +8,8 @@ from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.models import find_model
 
 ERROR = 0.08
-"""A joint this far from all its recent goals is not where it should be [rad]. Proportional control alone holds a
-load of a quarter of the stall torque 0.07 rad off the goal, at the factory's gain of an XL430."""
+"""A joint this far from all its recent goals is not where it should be [rad]. With the factory's gain, an XL430
+that holds a quarter of its stall torque is 0.07 rad off its goal."""
 
 LOAD = 0.2
 """Share of the stall torque above which its servo pushes against something, and below which it is limp."""
@@ -28,8 +28,8 @@ YIELD_TIME = 2.0
 class Following:
     """Compares where the joints are with where they were sent.
 
-    At 0.5 rad/s, a blocked joint is noticed about 0.27 s after it stopped: 0.16 s until it is off by ERROR, and
-    the rest until the goals that it could still be on the way to are older than the lag. Faster, it is sooner.
+    A joint that is blocked at 0.5 rad/s is noticed about 0.27 s later: after 0.16 s its goal is ERROR away; the
+    rest is the lag, in which it could still be on the way. A faster one is noticed sooner, a slower one later.
 
     Args:
         robot: Whose joints they are.

@@ -5,14 +5,14 @@ import numpy as np
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
 
-SILENT_AFTER = 5
+SILENT_AFTER = 8
 """A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
 
 RETRY_TIME = 0.004
 """Time in a cycle for asking those alone that have not answered [s]; who is left waits for the next cycle."""
 
 PLAIN_CYCLES = 100
-"""After a Fast Sync Read has failed, so many cycles use Sync Read: noise then costs single answers, not all."""
+"""After a Fast Sync Read has failed, so many cycles use Sync Read: noise then costs single answers alone."""
 
 
 class PresentReader:

@@ -1,4 +1,4 @@
-"""A virtual bus in simulated time, in place of a serial port: it runs as fast as the computer, always alike."""
+"""A virtual bus in simulated time: it runs as fast as the computer can, and always alike."""
 
 import errno
 import math
@@ -6,10 +6,8 @@ import math
 from serial import SerialException
 
 from gesture_bot.servo.bus import READ_WAIT, Port
+from gesture_bot.servo.virtual_bus import BITS
 from gesture_bot.servo.virtual_wire import VirtualWire
-
-BITS = 10
-"""A byte on the wire has a start and a stop bit."""
 
 LONGEST_STEP = 0.005
 """Motion is computed in steps of at most this [s]."""
@@ -42,8 +40,8 @@ class SimulatedLine:
         """Let time pass."""
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
         for _ in range(steps):
-            self.wire.advance(seconds / steps)
-        self._now += seconds
+            self.wire.advance(float(seconds) / steps)
+        self._now += float(seconds)
 
     def write(self, packet: list[int]) -> int:
         """Send a packet, and let the servos answer."""
@@ -80,12 +78,12 @@ class SimulatedPort(Port):
 
     def __init__(self, line: SimulatedLine):
         super().__init__("simulated")
-        self.clock = line
+        self.clock = self._line = line
 
-    def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
-        if not self.clock.connected:
+    def setupPort(self, cflag_baud: int) -> bool:  # noqa: D102, N802
+        if not self._line.connected:
             raise SerialException(errno.ENOENT, "no such port")
-        self.ser = self.clock
+        self.ser = self._line
         self.is_open = True
         self.tx_time_per_byte = 1000.0 * BITS / self.baudrate
         return True

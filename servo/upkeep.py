@@ -1,4 +1,4 @@
-"""Looking after the servos while the robot moves: who is out of service, and bringing back those that can be."""
+"""Looking after the servos while the robot moves: who is out of service, and bringing them back."""
 
 import itertools
 from collections.abc import Iterator

@@ -198,7 +198,7 @@ class VirtualServo:
         return max(-1.0, min(1.0, drive))
 
     def _protect(self) -> None:
-        """Too hot: the servo reports it, and as Shutdown (63) says switches torque off until it is rebooted."""
+        """Report overheating, and switch torque off until a reboot, where Shutdown (63) says so."""
         if self.temperature > self.get("Temperature Limit"):
             self.set("Hardware Error Status", self.get("Hardware Error Status") | OVERHEATING)
         if self.get("Hardware Error Status") & self.get("Shutdown"):
