@@ -1,6 +1,7 @@
 """Before the robot may move: every servo is there, is the right one, and stands ready where it is."""
 
 import math
+from collections.abc import Iterator
 
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
@@ -54,17 +55,33 @@ def hardware_errors(status: int) -> tuple[str, ...]:
 def set_up(bus: Bus, robot: Robot, servo: ServoEntry) -> None:
     """Set a servo up, and switch torque on with the goal where the joint is, so that it does not move.
 
-    Profile Velocity is the joint's velocity limit: a second belt, for the safety envelope shapes all motion.
-
     Raises:
         BusError: The servo does not answer, or cannot reach the joint's whole range.
     """
+    for _ in setting_up(bus, robot, servo):
+        pass
+
+
+def setting_up(bus: Bus, robot: Robot, servo: ServoEntry) -> Iterator[None]:
+    """The same in steps of a few packets, between which the other servos get their goals.
+
+    Profile Velocity is the joint's velocity limit: a second belt, for the safety envelope shapes all motion.
+
+    Raises:
+        BusError: As `set_up`.
+    """
     joint = robot.joints.index(servo.joint)
-    bus.write(servo.id, "Torque Enable", 0)
+    # EEPROM wears out, and is locked while torque is on: only what differs is written.
+    changes = {}
     for name, value in SETTINGS.items():
-        # EEPROM wears out: write only what changes.
         if bus.read(servo.id, name) != value:
-            bus.write(servo.id, name, value)
+            changes[name] = value
+        yield
+    if changes:
+        bus.write(servo.id, "Torque Enable", 0)
+    for name, value in changes.items():
+        bus.write(servo.id, name, value)
+        yield
     table = ServoTable(robot)
     ends = sorted((table.ticks(robot.limits.lower)[joint], table.ticks(robot.limits.upper)[joint]))
     lowest, highest = bus.read(servo.id, "Min Position Limit"), bus.read(servo.id, "Max Position Limit")
@@ -72,8 +89,13 @@ def set_up(bus: Bus, robot: Robot, servo: ServoEntry) -> None:
         raise BusError(
             f"servo {servo.id} turns from {lowest} to {highest}; {servo.joint} needs {ends[0]} to {ends[1]}"
         )
+    yield
     bus.write(servo.id, "Bus Watchdog", 0)
+    yield
     bus.write(servo.id, "Profile Acceleration", 0)
+    yield
     bus.write(servo.id, "Profile Velocity", math.ceil(robot.limits.velocity[joint] / VELOCITY_UNIT))
+    yield
+    # A limp joint may be moving: its goal is as fresh as can be.
     bus.write(servo.id, "Goal Position", signed(bus.read(servo.id, "Present Position"), 4))
     bus.write(servo.id, "Torque Enable", 1)

@@ -60,6 +60,9 @@ INITIAL = {
 """What any virtual servo holds at first, where that is not zero: the e-Manual's values for an XL430-W250, but
 for the baud rate and the current limit."""
 
+OVERHEATING = 1 << 2
+"""Bit of Hardware Error Status (70)."""
+
 GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 
 
@@ -83,6 +86,8 @@ class VirtualServo:
         position: Where the joint is [ticks], not counting Homing Offset.
         velocity: How fast it turns [ticks/s].
         temperature: [degC].
+        power: False: the supply is off, and the joint limp. `reboot` switches it on.
+        stuck: The joint does not turn, whatever the motor does; it stays at `position`.
     """
 
     def __init__(self, spec: ServoSpec):
@@ -93,6 +98,8 @@ class VirtualServo:
         self.position = float(spec.ticks)
         self.velocity = 0.0
         self.temperature = ROOM
+        self.power = True
+        self.stuck = False
         self._silence = 0.0
         self._uptime = 0.0
         self._switch_on(first_address=0)
@@ -126,6 +133,7 @@ class VirtualServo:
 
     def reboot(self) -> None:
         """Switch off and on: torque is off, and RAM is as it was at the start."""
+        self.power = True
         self._switch_on(first_address=RAM)
 
     def hear(self) -> None:
@@ -162,8 +170,12 @@ class VirtualServo:
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the joint moves, the motor warms or cools, Bus Watchdog counts."""
+        if not self.power:
+            self.velocity = 0.0
+            return
         self._uptime += seconds
         self._silence += seconds
+        self._protect()
         powered = self.get("Torque Enable") == 1
         watchdog = self.get("Bus Watchdog")
         if powered and 0 < watchdog < WATCHDOG_ERROR and self._silence > watchdog * WATCHDOG_UNIT:
@@ -180,6 +192,9 @@ class VirtualServo:
 
     def _follow(self, goal: float, seconds: float) -> float:
         """Move toward a goal [ticks] in closed form; returns the load as a share of the stall torque."""
+        if self.stuck:
+            self.velocity = 0.0
+            return self._load(goal)
         error = self.position - goal
         pull = self.velocity + BANDWIDTH * error
         decay = math.exp(-BANDWIDTH * seconds)
@@ -190,9 +205,19 @@ class VirtualServo:
         fastest = TICKS_PER_RADIAN * (min(profile, no_load) if profile else no_load)
         self.position += max(-fastest * seconds, min(fastest * seconds, moved))
         self.velocity = max(-fastest, min(fastest, velocity))
+        return self._load(goal)
+
+    def _load(self, goal: float) -> float:
         # The motor's voltage is the proportional gain times the position error (Position P Gain, 84).
         drive = self.get("Position P Gain") / 128 * (goal - self.position) / self.get("PWM Limit")
         return max(-1.0, min(1.0, drive))
+
+    def _protect(self) -> None:
+        """Report overheating, and switch torque off until a reboot, where Shutdown (63) says so."""
+        if self.temperature > self.get("Temperature Limit"):
+            self.set("Hardware Error Status", self.get("Hardware Error Status") | OVERHEATING)
+        if self.get("Hardware Error Status") & self.get("Shutdown"):
+            self.set("Torque Enable", 0)
 
     def _show(self, load: float) -> None:
         current_unit = self.model.current_unit

@@ -27,10 +27,14 @@ from dynamixel_sdk.robotis_def import (
     INST_WRITE,
 )
 
+from gesture_bot.servo.virtual_faults import WireFaults
 from gesture_bot.servo.virtual_servo import RAM, VirtualServo
 
 HEADER = bytes((0xFF, 0xFF, 0xFD, 0x00))
 SDK = Protocol2PacketHandler()
+
+LONGEST_PACKET = 512
+"""A header that announces more bytes was damaged."""
 
 
 def with_crc(packet: list[int]) -> bytes:
@@ -44,11 +48,6 @@ def status_packet(servo_id: int, error: int, parameters: bytes) -> bytes:
     packet = [*HEADER, servo_id, *length.to_bytes(2, "little"), INST_STATUS, error, *parameters, 0, 0]
     stuffed = SDK.addStuffing(packet)
     return with_crc(stuffed[:-2])
-
-
-def _status(servo: VirtualServo, servo_id: int, error: int, parameters: bytes = b"") -> bytes:
-    """What a servo answers under the ID by which it was asked."""
-    return status_packet(servo_id, error | _alert(servo), parameters)
 
 
 def _alert(servo: VirtualServo) -> int:
@@ -73,10 +72,12 @@ class VirtualWire:
         servos: The servos by ID; of two with one ID, the first.
         baudrate: How fast the controller speaks [bit/s]: only servos that are set to it understand. None
             where that is not known: then all do.
+        faults: What is wrong with the wire.
     """
 
     def __init__(self, servos: Iterable[VirtualServo]):
         self.baudrate: int | None = None
+        self.faults = WireFaults()
         self._received = bytearray()
         self._sort(servos)
 
@@ -87,19 +88,21 @@ class VirtualWire:
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the controller; returns the bytes that the servos answer."""
-        self._received += data
+        self._received += self.faults.through(data)
         answers = b""
         while packet := self._next_packet():
             answers += self.execute(packet)
-        return answers
+        return self.faults.through(answers)
 
     def execute(self, packet: bytes) -> bytes:
         """Carry out a whole instruction packet; returns the status packets."""
-        for servo in self._listeners():
-            servo.hear()
         servo_id, instruction = packet[PKT_ID], packet[PKT_INSTRUCTION]
         if SDK.updateCRC(0, packet, len(packet) - 2) != int.from_bytes(packet[-2:], "little"):
-            return collided([_status(servo, servo_id, ERRNUM_CRC) for servo in self._listeners(servo_id)])
+            return collided(
+                [self._status(servo, servo_id, ERRNUM_CRC) for servo in self._listeners(servo_id)]
+            )
+        for servo in self._listeners():
+            servo.hear()
         plain = SDK.removeStuffing(list(packet))
         length = plain[PKT_LENGTH_L] | plain[PKT_LENGTH_L + 1] << 8
         parameters = bytes(plain[PKT_PARAMETER0 : PKT_INSTRUCTION + length - 2])
@@ -115,6 +118,9 @@ class VirtualWire:
             return b""
         del self._received[:start]
         stop = PKT_INSTRUCTION + int.from_bytes(self._received[PKT_LENGTH_L:PKT_INSTRUCTION], "little")
+        if stop > LONGEST_PACKET:
+            del self._received[: len(HEADER)]
+            return self._next_packet()
         if len(self._received) < max(stop, PKT_PARAMETER0 + 2):
             return b""
         packet = bytes(self._received[:stop])
@@ -136,7 +142,14 @@ class VirtualWire:
         else:
             found = [self.servos[servo_id]] if servo_id in self.servos else []
             found += [twin for twin in self._twins if twin.get("ID") == servo_id]
-        return [servo for servo in found if self.baudrate in (None, servo.baudrate)]
+        return [servo for servo in found if self._hears(servo)]
+
+    def _hears(self, servo: VirtualServo) -> bool:
+        return (
+            servo.power
+            and servo.get("ID") not in self.faults.silent
+            and self.baudrate in (None, servo.baudrate)
+        )
 
     def _single(self, servo_id: int, instruction: int, parameters: bytes) -> bytes:
         address = int.from_bytes(parameters[:2], "little")
@@ -155,7 +168,7 @@ class VirtualWire:
             else:
                 error = ERRNUM_INSTRUCTION
             if level >= needed:
-                answers.append(_status(servo, servo_id, error, data))
+                answers.append(self._status(servo, servo_id, error, data))
         if instruction == INST_WRITE and address < RAM:
             self._sort([*self.servos.values(), *self._twins])
         return collided(answers)
@@ -176,12 +189,20 @@ class VirtualWire:
                 self._sort([*self.servos.values(), *self._twins])
         elif instruction == INST_SYNC_READ:
             return b"".join(
-                collided([_status(servo, i, 0, servo.read(address, size)) for servo in self._listeners(i)])
+                collided(
+                    [self._status(servo, i, 0, servo.read(address, size)) for servo in self._listeners(i)]
+                )
                 for i in parameters[4:]
             )
         elif instruction == INST_FAST_SYNC_READ:
             return self._fast_status(list(parameters[4:]), address, size)
         return b""
+
+    def _status(self, servo: VirtualServo, servo_id: int, error: int, parameters: bytes = b"") -> bytes:
+        """What a servo answers under the ID by which it was asked."""
+        if self.faults.loses_reply():
+            return b""
+        return status_packet(servo_id, error | _alert(servo), parameters)
 
     def _fast_status(self, ids: list[int], address: int, size: int) -> bytes:
         """One packet to which each servo adds its part and a CRC of all so far, until one is missing."""
@@ -190,7 +211,7 @@ class VirtualWire:
         crc = SDK.updateCRC(0, packet, len(packet))
         for servo_id in ids:
             asked = self._listeners(servo_id)
-            if not asked:
+            if not asked or self.faults.loses_reply():
                 break
             part = collided([bytes((_alert(servo), servo_id)) + servo.read(address, size) for servo in asked])
             crc = SDK.updateCRC(crc, part, len(part))

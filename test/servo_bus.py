@@ -1,4 +1,4 @@
-"""Virtual buses for tests: in a thread of the test, with every packet on record."""
+"""Virtual buses for tests, with every packet on record: in simulated time, or in a thread of the test."""
 
 import os
 import threading
@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dynamixel_sdk.robotis_def import INST_SYNC_WRITE, INST_WRITE
 
 from gesture_bot.retarget.robot import Robot
+from gesture_bot.servo.simulated_line import SimulatedLine, SimulatedPort
 from gesture_bot.servo.virtual_bus import open_pseudo_terminal, serve, servo_specs
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
@@ -19,7 +20,7 @@ class RecordingWire(VirtualWire):
     `questions` counts the packets to all.
     """
 
-    port: str
+    port: str | SimulatedPort
     questions = 0
 
     def __init__(self, servos):
@@ -49,12 +50,19 @@ class RecordingWire(VirtualWire):
         ]
 
 
+def simulated_bus(robot: Robot) -> RecordingWire:
+    """A bus in simulated time, which passes in the clock of the driver that uses its port."""
+    wire = RecordingWire(map(VirtualServo, servo_specs(robot)))
+    wire.port = SimulatedPort(SimulatedLine(wire, robot.bus.baudrate))
+    return wire
+
+
 @contextmanager
 def recorded_bus(robot: Robot, more: Iterable[ServoSpec] = ()) -> Iterator[RecordingWire]:
     wire = RecordingWire(map(VirtualServo, [*servo_specs(robot), *more]))
     servos_end, wire.port = open_pseudo_terminal()
     stop_reading, stop = os.pipe()
-    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading))
+    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading, robot.bus.baudrate))
     thread.start()
     try:
         yield wire
