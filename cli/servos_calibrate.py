@@ -82,10 +82,10 @@ def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[s
 
 def _wait(bus: Bus, servo: ServoEntry) -> str:
     """What somebody types while they see where the joint is."""
-    mark = f"Move {servo.joint} (servo {servo.id}) to its mark, {math.degrees(servo.mark):.1f} deg"
+    mark = f"Move {servo.joint} (servo {servo.id}) to its mark, {math.degrees(servo.mark):z.1f} deg"
     with Live(Text(mark), transient=True) as live:
 
         def show() -> None:
-            live.update(Text(f"{mark}; it is at {math.degrees(read_angle(bus, servo)):.1f} deg"))
+            live.update(Text(f"{mark}; it is at {math.degrees(read_angle(bus, servo)):z.1f} deg"))
 
         return answer(show)

@@ -3,6 +3,8 @@
 import argparse
 from contextlib import closing
 
+from tqdm import tqdm
+
 from gesture_bot.cli.servo_bus import release
 from gesture_bot.servo.addressing import (
     change_baudrate,
@@ -12,7 +14,7 @@ from gesture_bot.servo.addressing import (
     check_new_address,
 )
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.scan import find_baudrate, only_port
+from gesture_bot.servo.scan import LIKELY, find_baudrate, only_port
 
 
 def command(options: argparse.Namespace) -> int:
@@ -24,7 +26,7 @@ def command(options: argparse.Namespace) -> int:
     """
     port, old, new = options.port or only_port(), options.old, options.new
     check_new_address(new, options.set_baudrate or options.baudrate or 57_600)
-    before = options.baudrate or find_baudrate(port, old)
+    before = options.baudrate or find_baudrate(port, old, tqdm(LIKELY, "looking", unit="rate", leave=False))
     after = options.set_baudrate or before
     if after != before:
         with closing(Bus(port, after)) as bus:

@@ -50,7 +50,7 @@ def _cells(state: ServoState | None) -> tuple[str | Text, ...]:
         f"{1000 * (state.current or 0):.0f} mA" if state.load is None else f"{100 * state.load:.0f} % load"
     )
     return (
-        f"{math.degrees(state.position):.1f}°",
+        f"{math.degrees(state.position):z.1f}°",
         effort,
         f"{state.temperature} °C",
         f"{state.voltage:.1f} V",

@@ -13,7 +13,7 @@ from gesture_bot.base.files import state_dir, write_whole
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.models import CENTRE, HOMING_RANGE, TICKS_PER_RADIAN, signed
-from gesture_bot.servo.settings import TURN, joint_ends, read_homing
+from gesture_bot.servo.settings import TURN, fits_turn, read_homing
 from gesture_bot.servo.table import joint_angle
 
 SAMPLES, INTERVAL = 10, 0.03
@@ -97,11 +97,10 @@ def _homing(robot: Robot, servo: ServoEntry, encoder: int) -> int:
     encoder %= TURN + 1
     at_mark = round(CENTRE + TICKS_PER_RADIAN * (servo.direction * servo.mark + servo.offset))
     homing = at_mark - encoder
-    lowest, highest = joint_ends(robot, servo)
     off = (
         f"{servo.joint} is {math.degrees(homing / TICKS_PER_RADIAN):+.0f} deg from where its servo should be"
     )
-    if not 0 <= lowest - homing <= highest - homing <= TURN:
+    if not fits_turn(robot, servo, homing):
         raise RobotError(
             f"{off}, and would pass the end of the servo's turn: {NOT_THERE}, mount its horn anew"
         )

@@ -77,7 +77,7 @@ def scan(port: str, baudrate: int) -> Iterator[Found]:
                 yield Found(port, baudrate, servo_id, "", 0, False)
 
 
-def find_baudrate(port: str, servo_id: int, baudrates: Iterable[int] = LIKELY) -> int:
+def find_baudrate(port: str, servo_id: int, baudrates: Iterable[int]) -> int:
     """The first of some baud rates at which a servo answers [bit/s].
 
     Raises:

@@ -91,6 +91,8 @@ def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
     lowest, highest = joint_ends(robot, servo)
     if lowest < 0 or highest > TURN:
         problems.append(f"turns from 0 to {TURN}; the joint needs {lowest} to {highest}: change its offset")
+    elif not fits_turn(robot, servo, homing):
+        problems.append(f"passes the end of its turn within the joint's range, at Homing Offset {homing}")
     changes = []
     for register, wanted in _wanted(bus, robot, servo).items():
         value = bus.read(servo.id, register)
@@ -135,6 +137,15 @@ def joint_ends(robot: Robot, servo: ServoEntry) -> tuple[int, int]:
     table = ServoTable(robot)
     lower, upper = (int(table.ticks(ends)[joint]) for ends in (robot.limits.lower, robot.limits.upper))
     return min(lower, upper), max(lower, upper)
+
+
+def fits_turn(robot: Robot, servo: ServoEntry, homing: int) -> bool:
+    """Whether the encoder stays within its turn over the joint's whole range, with a Homing Offset [ticks].
+
+    Otherwise, where the servo is switched on beyond the end, its position is a turn off.
+    """
+    lowest, highest = joint_ends(robot, servo)
+    return homing <= lowest and highest - homing <= TURN
 
 
 def _wanted(bus: Bus, robot: Robot, servo: ServoEntry) -> dict[str, int]:

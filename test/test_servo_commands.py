@@ -113,6 +113,7 @@ def test_check_names_what_no_setting_solves(capsys):
     with recorded_bus(ROBOT, [ServoSpec(SERVO["left_wrist"].id, "XM540-W150", 99, BAUDRATE)]) as wire:
         wire.servos[31].set("Hardware Error Status", 1 << 2)
         wire.servos[32].set("Firmware Version", 37)
+        wire.servos[21].set("Homing Offset", -200)
         with closing(Bus(wire.port, BAUDRATE)) as bus:
             bus.write(ELBOW.id, "Baud Rate", 1)
             assert (
@@ -125,6 +126,7 @@ def test_check_names_what_no_setting_solves(capsys):
             "servo 15 of left_wrist: damaged answers: two servos have this ID",
             "servo 31 of head_pan: reports overheating",
             "servo 32 of head_tilt: has no watchdog",
+            "servo 21 of right_shoulder_pitch: passes the end of its turn",
         ):
             assert problem in told
 
@@ -166,7 +168,8 @@ def test_a_calibrated_joint_goes_where_it_is_sent():
         calibrate(bus, ROBOT, ELBOW)
         bus.write(ELBOW.id, "Torque Enable", 1)
         bus.write(ELBOW.id, "Goal Position", 2048 - 500)
-        wait_until(lambda: wire.servos[ELBOW.id].position == pytest.approx(2048 + 171 - 500, abs=1), 3, "it")
+        arrived = pytest.approx(2048 + 171 - 500, abs=1)
+        wait_until(lambda: wire.servos[ELBOW.id].position == arrived, 3, "the elbow to arrive")
         assert bus.read(ELBOW.id, "Present Position") == pytest.approx(2048 - 500, abs=1)
 
 
