@@ -1,7 +1,7 @@
 """How evenly the driver keeps its 100 Hz with 14 servos at 1 Mbps, on the virtual bus, in real time.
 
-`make bench-bus`; the last line is one JSON object. The virtual bus is a process of its own, and lets each byte
-take its time on the wire. Two cores are needed for a fair figure.
+`make bench-bus`; the last line is one JSON object. The virtual bus is a process of its own, and lets each
+byte take its time on the wire. Two cores are needed for a fair figure.
 """
 
 import argparse

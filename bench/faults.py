@@ -1,7 +1,7 @@
 """What the robot makes of faults: the real driver on a virtual bus, in simulated time.
 
-`make bench-faults`; the last line is one JSON object, an entry a fault, and two where the robot's file decides
-what the other joints do.
+`make bench-faults`; the last line is one JSON object, an entry a fault, and two where the robot's file
+decides what the other joints do.
 """
 
 import json

@@ -9,9 +9,10 @@ import numpy as np
 from gesture_bot.base.errors import BusError, InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.driver import Driver, Status
+from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN
 from gesture_bot.servo.simulated_line import SimulatedLine, SimulatedPort
+from gesture_bot.servo.status import Status
 from gesture_bot.servo.virtual_bus import servo_specs
 from gesture_bot.servo.virtual_servo import VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire

@@ -217,10 +217,20 @@ class Bus:
             BusError: The servo does not answer.
         """
         item = REGISTERS[name]
+        return int.from_bytes(self.read_bytes(servo_id, item.address, item.size), "little")
+
+    def read_bytes(self, servo_id: int, address: int, size: int) -> bytes:
+        """Some bytes of the control table.
+
+        Raises:
+            BusError: The servo does not answer.
+        """
         for _ in range(ATTEMPTS):
-            if data := self.try_read(servo_id, item.address, item.size):
-                return int.from_bytes(data, "little")
-        raise BusError(f"servo {servo_id} on {self.port} stopped answering when asked for {name}")
+            if data := self.try_read(servo_id, address, size):
+                return data
+            # An answer that comes late must not be taken for that to the next question.
+            self.clock.sleep(self._port.reply_wait / 1000)
+        raise BusError(f"servo {servo_id} on {self.port} stopped answering when asked for register {address}")
 
     def try_read(self, servo_id: int, address: int, size: int) -> bytes:
         """Ask once for bytes of the control table; nothing when the servo does not answer."""

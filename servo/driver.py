@@ -1,7 +1,6 @@
 """The servo driver: from a joint trajectory, through the safety envelope, to the servos and back."""
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,12 +8,12 @@ from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.bus import Bus, Port
-from gesture_bot.servo.envelope import Envelope, Interventions
+from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.following import Following
-from gesture_bot.servo.health import Health
 from gesture_bot.servo.models import WATCHDOG_UNIT
 from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
+from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.trajectories import Overlay, coast, ease
 from gesture_bot.servo.upkeep import NO_ANSWER, Upkeep
@@ -33,63 +32,6 @@ AT_REST = 0.02
 
 REOPEN_PERIOD = 0.5
 """Time from one try to open a port that has vanished to the next [s]."""
-
-
-@dataclass(frozen=True)
-class Feedback:
-    """What the servos tell.
-
-    Attributes:
-        positions: (j,) [rad].
-        velocities: (j,) [rad/s].
-        efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
-        planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
-        stamp: When they were asked [s since the epoch].
-    """
-
-    positions: np.ndarray
-    velocities: np.ndarray
-    efforts: np.ndarray
-    planned: np.ndarray
-    stamp: float
-
-
-@dataclass
-class Status:
-    """Counts and states since the start, for diagnostics.
-
-    Attributes:
-        cycles: Ticks.
-        late_cycles: Ticks that came more than half a period late.
-        read_failures: Answers that did not come in time or were damaged.
-        watchdog_stops: How often the watchdogs had to be armed anew, since the ticks had paused for too
-            long, or a servo had missed them or been away.
-        silent: Joints whose servo does not answer.
-        out: Joints that are out of service, and why; silent ones are among them.
-        warm: Joints that are slowed, or at rest, since their servo is warm or hot.
-        yielding: Joints that were blocked or pushed away, and yield.
-        blocks: How often a joint has begun to yield.
-        holding: Whether all joints hold since one is out of service, or hot.
-        ports_lost: How often the port has vanished.
-        command_age: Time since the last new trajectory [s]; inf before the first.
-        interventions: What the envelope held back.
-        health: Health by joint, each looked at in turn.
-    """
-
-    cycles: int = 0
-    late_cycles: int = 0
-    read_failures: int = 0
-    watchdog_stops: int = 0
-    silent: tuple[str, ...] = ()
-    out: dict[str, str] = field(default_factory=dict)
-    warm: tuple[str, ...] = ()
-    yielding: tuple[str, ...] = ()
-    blocks: int = 0
-    holding: bool = False
-    ports_lost: int = 0
-    command_age: float = math.inf
-    interventions: Interventions = field(default_factory=Interventions)
-    health: dict[str, Health] = field(default_factory=dict)
 
 
 class Driver:
@@ -316,7 +258,8 @@ class Driver:
         start = self.clock.monotonic()
         for elapsed in np.arange(0.0, EXIT_TIME, self._dt):
             self.clock.sleep(max(start + elapsed - self.clock.monotonic(), 0.0))
-            self._exchange(*ease(coast(*leaving, elapsed), rest, elapsed, duration))
+            path = ease(coast(*leaving, elapsed), rest, elapsed, duration)
+            self._exchange(*self._following.soften(*path))
             if elapsed > duration and np.allclose(self._envelope.positions, rest[0], atol=1e-3):
                 return
 

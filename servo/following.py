@@ -8,8 +8,8 @@ from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.models import find_model
 
 ERROR = 0.08
-"""A joint this far from all its recent goals is not where it should be [rad]. With the factory's gain, an XL430
-that holds a quarter of its stall torque is 0.07 rad off its goal."""
+"""A joint this far from all its recent goals is not where it should be [rad]. With the factory's gain, an
+XL430 that holds a quarter of its stall torque is 0.07 rad off its goal."""
 
 LOAD = 0.2
 """Share of the stall torque above which its servo pushes against something, and below which it is limp."""
@@ -28,8 +28,9 @@ YIELD_TIME = 2.0
 class Following:
     """Compares where the joints are with where they were sent.
 
-    A joint that is blocked at 0.5 rad/s is noticed about 0.27 s later: after 0.16 s its goal is ERROR away; the
-    rest is the lag, in which it could still be on the way. A faster one is noticed sooner, a slower one later.
+    A joint that is blocked at 0.5 rad/s is noticed about 0.27 s later: after 0.16 s its goal is ERROR away;
+    the rest is the lag, in which it could still be on the way. A faster one is noticed sooner, a slower one
+    later.
 
     Args:
         robot: Whose joints they are.

@@ -3,19 +3,21 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.models import (
     HARDWARE_ERRORS,
     POSITION_MODE,
+    REGISTERS,
     VELOCITY_UNIT,
     find_model,
     model_name,
-    signed,
 )
 from gesture_bot.servo.scan import SHARED
-from gesture_bot.servo.table import ServoTable
+from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
 
 SETTINGS = {"Operating Mode": POSITION_MODE, "Drive Mode": 0, "Return Delay Time": 0}
 """EEPROM registers: position control, forward, profiles in velocities, answers at once."""
@@ -84,7 +86,9 @@ def setting_up(bus: Bus, robot: Robot, servo: ServoEntry) -> Iterator[None]:
         yield
     table = ServoTable(robot)
     ends = sorted((table.ticks(robot.limits.lower)[joint], table.ticks(robot.limits.upper)[joint]))
-    lowest, highest = bus.read(servo.id, "Min Position Limit"), bus.read(servo.id, "Max Position Limit")
+    # The two lie side by side.
+    limits = bus.read_bytes(servo.id, REGISTERS["Max Position Limit"].address, 8)
+    highest, lowest = np.frombuffer(limits, "<i4")
     if not lowest <= ends[0] <= ends[1] <= highest:
         raise BusError(
             f"servo {servo.id} turns from {lowest} to {highest}; {servo.joint} needs {ends[0]} to {ends[1]}"
@@ -96,6 +100,8 @@ def setting_up(bus: Bus, robot: Robot, servo: ServoEntry) -> Iterator[None]:
     yield
     bus.write(servo.id, "Profile Velocity", math.ceil(robot.limits.velocity[joint] / VELOCITY_UNIT))
     yield
-    # A limp joint may be moving: its goal is as fresh as can be.
-    bus.write(servo.id, "Goal Position", signed(bus.read(servo.id, "Present Position"), 4))
+    # A limp joint may be moving: its goal is as fresh as can be. Nothing else is read in so many bytes, so
+    # that no late answer to another question is taken for where the joint is.
+    present = np.frombuffer(bus.read_bytes(servo.id, PRESENT_ADDRESS, PRESENT.itemsize), PRESENT)
+    bus.write(servo.id, "Goal Position", int(present["position"][0]))
     bus.write(servo.id, "Torque Enable", 1)

@@ -273,9 +273,9 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(terminal, monke
         return answer(servo, address, size)
 
     bus = Bus(terminal.port, ROBOT.bus.baudrate)
-    bus.hurry()
     read = bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize)
     assert len(read) == PRESENT.itemsize
+    bus.hurry()
     monkeypatch.setattr(VirtualServo, "read", slowly)
     assert bus.try_read(ELBOW_ID, HEALTH_ADDRESS, HEALTH_SIZE) == b""
     answers = {bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize) for _ in range(5)}
