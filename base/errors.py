@@ -38,5 +38,9 @@ class BusError(GestureBotError):
     """A servo bus or a servo on it that does not answer as it should."""
 
 
+class PortError(BusError):
+    """A serial port that was open and has vanished."""
+
+
 class DeviceError(GestureBotError):
     """A microphone or loudspeaker that is not there, or does not work."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from platformdirs import user_cache_path
+from platformdirs import user_cache_path, user_state_path
 from pydantic import BaseModel, ValidationError
 
 from gesture_bot.base.errors import FileFormatError
@@ -32,11 +32,23 @@ def cache_dir() -> Path:
     Raises:
         FileFormatError: It cannot be made.
     """
-    folder = user_cache_path("gesture_bot")
+    return _made(user_cache_path("gesture_bot"))
+
+
+def state_dir() -> Path:
+    """The folder for what must outlive a restart, on Linux $XDG_STATE_HOME/gesture_bot, made if need be.
+
+    Raises:
+        FileFormatError: It cannot be made.
+    """
+    return _made(user_state_path("gesture_bot"))
+
+
+def _made(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileFormatError(f"cannot make the cache folder {folder} ({error.strerror})") from error
+        raise FileFormatError(f"cannot make the folder {folder} ({error.strerror})") from error
     return folder
 
 

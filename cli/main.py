@@ -159,7 +159,77 @@ def _parser() -> argparse.ArgumentParser:
     )
     preview.add_argument("--bank", type=Path, metavar="FILE.yaml", help="bank of your own")
     preview.set_defaults(module="bank_preview")
+    _add_servos(commands)
     return parser
+
+
+def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    servos = commands.add_parser("servos", help="find, set up, calibrate and watch Dynamixel servos")
+    actions = servos.add_subparsers(title="what", metavar="WHAT", required=True)
+    port = argparse.ArgumentParser(add_help=False)
+    port.add_argument("--port", help="serial port (the only one)")
+    robot = argparse.ArgumentParser(add_help=False, parents=[port])
+    robot.add_argument("robot", metavar="ROBOT", help="name of a robot, or path of its YAML file")
+
+    scan = actions.add_parser(
+        "scan",
+        help="list the servos on the serial ports",
+        description="List the servos on the serial ports: port, baud rate, ID, model, firmware. "
+        "It takes ten seconds a port.",
+    )
+    scan.add_argument("ports", nargs="*", metavar="PORT", help="serial port (all)")
+    scan.add_argument(
+        "--baudrate", nargs="+", type=int, metavar="BIT/S", help="baud rate (all that servos have)"
+    )
+    scan.set_defaults(module="servos_scan")
+
+    change = actions.add_parser(
+        "id",
+        parents=[port],
+        help="give a servo another ID, and another baud rate",
+        description="Give a servo another ID, and another baud rate if asked. Connect new servos one at "
+        "a time: all have the ID 1.",
+        epilog="example: gesture-bot servos id 1 11 --set-baudrate 1000000",
+    )
+    change.add_argument("old", type=int, metavar="OLD", help="its ID now")
+    change.add_argument("new", type=int, metavar="NEW", help="its ID from now on, 0 to 252")
+    change.add_argument("--baudrate", type=int, metavar="BIT/S", help="its baud rate now (found by itself)")
+    change.add_argument(
+        "--set-baudrate", type=int, metavar="BIT/S", help="its baud rate from now on (as it is)"
+    )
+    change.set_defaults(module="servos_id")
+
+    check = actions.add_parser(
+        "check",
+        parents=[robot],
+        help="compare the servos with what a robot needs",
+        description="Compare the servos with what a robot needs: model, firmware, operating mode, delay, "
+        "limits. Ends with 1 when something is not as it should be.",
+    )
+    check.add_argument("--apply", action="store_true", help="change what is not as it should be")
+    check.set_defaults(module="servos_check")
+
+    calibrate = actions.add_parser(
+        "calibrate",
+        parents=[robot],
+        help="set the servos' zero: move each joint to its mark by hand",
+        description="Set the servos' zero. Torque goes off, each joint is moved to its mark by hand, and its "
+        "servo's Homing Offset is set. The mark stands in the robot's file; without one it is at zero.",
+    )
+    calibrate.add_argument("joints", nargs="*", metavar="JOINT", help="joint to calibrate (all)")
+    calibrate.add_argument(
+        "--undo", action="store_true", help="go back to what it was before the last calibration, or undo"
+    )
+    calibrate.set_defaults(module="servos_calibrate")
+
+    monitor = actions.add_parser(
+        "monitor",
+        parents=[robot],
+        help="watch the servos: position, current, temperature, voltage, errors",
+        description="Watch the servos in a live table until Ctrl-C. It only reads. While a driver uses "
+        "the port, look at /diagnostics instead.",
+    )
+    monitor.set_defaults(module="servos_monitor")
 
 
 if __name__ == "__main__":

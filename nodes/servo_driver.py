@@ -18,7 +18,8 @@ from gesture_bot.evaluate.lag import SHIFTS, motion_lag
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, stamp
 from gesture_bot.retarget.robot import load_robot
-from gesture_bot.servo.driver import Driver, Feedback
+from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.status import Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
 
 LOOKED_AT = 3.0
@@ -59,7 +60,10 @@ class ServoDriver(GestureNode):
         """Bring the robot to rest and treat the servos' torque as the robot's file says."""
         self._stopping.set()
         self._loop.join()
-        self._driver.close()
+        try:
+            self._driver.close()
+        except BusError as error:
+            self.get_logger().error(str(error))
         self._resources.close()
         super().destroy_node()
 
@@ -107,17 +111,21 @@ class ServoDriver(GestureNode):
     def _report(self) -> None:
         status = self._driver.status
         held = status.interventions
-        silent = [f"no answer from {', '.join(status.silent)}; the robot holds"] if status.silent else []
+        troubles = [f"{joint} {reason}" for joint, reason in status.out.items()]
+        level = DiagnosticStatus.ERROR if troubles else DiagnosticStatus.WARN
+        troubles += [f"{joint} is blocked, and yields" for joint in status.yielding]
         bus = diagnostic(
             "servo bus",
-            silent,
+            [*troubles, "the robot holds"] if status.holding else troubles,
             "running",
-            level=DiagnosticStatus.ERROR,
+            level=level,
             cycles=status.cycles,
             late_cycles=status.late_cycles,
             late_answers=status.late_answers,
             read_failures=status.read_failures,
             watchdog_stops=status.watchdog_stops,
+            ports_lost=status.ports_lost,
+            blocked_joints=status.blocks,
             lag_ms=self._lag(),
             held_back_position=held.position,
             held_back_velocity=held.velocity,
@@ -126,11 +134,12 @@ class ServoDriver(GestureNode):
         servos = [
             diagnostic(
                 f"servo {joint}",
-                health.errors,
+                health.errors or (("warm",) if joint in status.warm else ()),
                 "healthy",
-                level=DiagnosticStatus.ERROR,
+                level=DiagnosticStatus.ERROR if health.errors else DiagnosticStatus.WARN,
                 temperature_degc=health.temperature,
                 voltage_v=health.voltage,
+                load_percent=round(100 * health.load),
             )
             for joint, health in list(status.health.items())
         ]

@@ -72,6 +72,8 @@ class Joint(_Section):
         acceleration: Largest acceleration [rad/s^2]. URDF has no place for it.
         lower: Narrows the URDF's lower limit [rad].
         upper: Narrows the URDF's upper limit [rad].
+        mark: Where the joint stands when it is calibrated [rad]; if not given, at zero, or at its limit next
+            to zero.
     """
 
     id: int = Field(ge=0, le=252)
@@ -82,6 +84,7 @@ class Joint(_Section):
     acceleration: Annotated[PositiveFloat, Field(allow_inf_nan=False)]
     lower: FiniteFloat = -math.inf
     upper: FiniteFloat = math.inf
+    mark: FiniteFloat | None = None
 
 
 class Bus(_Section):
@@ -92,6 +95,9 @@ class Bus(_Section):
         protocol: Dynamixel protocol version, 2.0.
         lag_ms: How far servos are behind their goals [ms]; goals are sent so much earlier.
         watchdog_ms: Silence after which a servo stops by itself [ms]. The register counts units of 20 ms.
+        warm_degc: From this temperature on a servo slows, down to 30% of its speed where it is hot [degC].
+        hot_degc: A servo this hot goes to rest and off, until it is no longer warm [degC].
+        on_fault: What the rest of the robot does while a servo is hot, reports an error or does not answer.
         on_exit: What becomes of the motors: they go to rest and switch off, hold, or switch off at once.
     """
 
@@ -99,7 +105,16 @@ class Bus(_Section):
     protocol: float = Field(ge=2.0, le=2.0)
     lag_ms: float = Field(0.0, ge=0, le=100)
     watchdog_ms: int = Field(ge=20, le=2540, multiple_of=20)
+    warm_degc: float = Field(60.0, gt=0, le=100)
+    hot_degc: float = Field(68.0, gt=0, le=100)
+    on_fault: Literal["stop", "carry_on"] = "stop"
     on_exit: Literal["rest_then_off", "hold", "off"]
+
+    @model_validator(mode="after")
+    def _warm_before_hot(self) -> "Bus":
+        if self.warm_degc >= self.hot_degc:
+            raise ValueError(f"warm_degc {self.warm_degc:g} must be below hot_degc {self.hot_degc:g}")
+        return self
 
 
 class RobotDescription(_Section):

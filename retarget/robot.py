@@ -22,6 +22,7 @@ class ServoEntry:
         model: Dynamixel model name.
         direction: +1 or -1.
         offset: [rad].
+        mark: Joint angle at which the joint stands when it is calibrated [rad].
     """
 
     joint: str
@@ -29,6 +30,7 @@ class ServoEntry:
     model: str
     direction: int
     offset: float
+    mark: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,17 @@ def load_robot(name_or_path: str) -> Robot:
                 f"{path.name}: the rest angle of {name} is outside {lower:g} to {upper:g} rad", float(angle)
             )
     servos = tuple(
-        ServoEntry(name, joint.id, joint.model, joint.direction, joint.offset)
-        for name, joint in description.joints.items()
+        ServoEntry(
+            name,
+            joint.id,
+            joint.model,
+            joint.direction,
+            joint.offset,
+            float(np.clip(0.0, lower, upper)) if joint.mark is None else joint.mark,
+        )
+        for (name, joint), lower, upper in zip(
+            description.joints.items(), limits.lower, limits.upper, strict=True
+        )
     )
     return Robot(path.stem, urdf, limits, rest, description.mapping, servos, description.bus)
 

@@ -1,12 +1,15 @@
 """Access to Dynamixel servos on a serial port, through the DynamixelSDK (protocol 2.0)."""
 
 import errno
+import re
 import termios
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import NamedTuple, Protocol
 
 from dynamixel_sdk import (
+    COMM_RX_CORRUPT,
     COMM_SUCCESS,
     GroupSyncRead,
     GroupSyncWrite,
@@ -17,7 +20,7 @@ from dynamixel_sdk.protocol2_packet_handler import PKT_ERROR, PKT_ID, PKT_LENGTH
 from serial import SerialException
 from serial.tools.list_ports import comports
 
-from gesture_bot.base.errors import BusError
+from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.servo.models import REGISTERS
 
 READ_WAIT = 0.002
@@ -32,6 +35,9 @@ REPLY_WAIT = 10.0
 ATTEMPTS = 3
 """How often a ping, read or write is tried before it fails."""
 
+PING_ANSWER = re.compile(rb"\xff\xff\xfd\x00[\x00-\xfc]\x07\x00\x55", re.DOTALL)
+"""How the answer to a ping begins, with the ID of who answers."""
+
 REFUSALS = {
     errno.EACCES: "no permission to open the serial port (join the group dialout, then log in anew)",
     errno.EAGAIN: "another program uses the serial port",
@@ -45,63 +51,123 @@ def _bytes(value: int, size: int) -> list[int]:
     return list((value % (1 << 8 * size)).to_bytes(size, "little"))
 
 
-class _Port(PortHandler):
-    """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop."""
+class Identity(NamedTuple):
+    """Model Number (0) and Firmware Version (6) of a servo."""
+
+    model: int
+    firmware: int
+
+
+class Clock(Protocol):
+    """What the module `time` is to the bus and the driver; a simulated bus has its own."""
+
+    def monotonic(self) -> float:
+        """Time that never goes back [s]."""
+
+    def sleep(self, seconds: float, /) -> None:
+        """Wait."""
+
+
+class Port(PortHandler):
+    """The SDK's port, but a read sleeps until bytes come: with the SDK's own, it asks in a busy loop.
+
+    Attributes:
+        reply_wait: Time for an answer, beyond that of its bytes on the wire [ms].
+        written_at: When the last packet was sent, on the clock [s].
+        heard: What has come since then.
+        clock: Tells the time.
+    """
 
     reply_wait = PATIENT_WAIT
     written_at = 0.0
+    heard = b""
+    clock: Clock = time
 
-    def setupPort(self, cflag_baud: int) -> bool:  # noqa: N802
+    def setupPort(self, cflag_baud: int) -> bool:  # noqa: D102, N802
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
         self.ser.exclusive = True
         return True
 
-    def writePort(self, packet: list[int]) -> int:  # noqa: N802
-        self.written_at = time.monotonic()
+    def writePort(self, packet: list[int]) -> int:  # noqa: D102, N802
+        self.written_at = self.clock.monotonic()
+        self.heard = b""
         return int(super().writePort(packet))
 
-    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
+    def readPort(self, length: int) -> bytes:  # noqa: D102, N802
+        data = bytes(super().readPort(length))
+        self.heard += data
+        return data
+
+    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: D102, N802
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
+
+    def getCurrentTime(self) -> float:  # noqa: D102, N802
+        return 1000.0 * self.clock.monotonic()  # the SDK's own is the wall clock, which may be set
 
 
 class _PacketHandler(Protocol2PacketHandler):
     """The SDK's packets, but a late answer to an earlier question is not taken for that to this one."""
 
-    def readRx(self, port: _Port, dxl_id: int, length: int) -> tuple[list[int], int, int]:  # noqa: N802
+    def rxPacket(self, port: Port, fast_option: bool) -> tuple[list[int], int]:  # noqa: N802
+        try:
+            return super().rxPacket(port, fast_option)  # type: ignore[no-any-return]
+        except IndexError:  # the SDK trips over a packet whose length was damaged
+            return [], COMM_RX_CORRUPT
+
+    def readMany(self, port: Port, ids: list[int], length: int) -> dict[int, bytes]:  # noqa: N802
+        """Answers by ID, as many as come whole: a damaged one does not cost the others."""
+        found: dict[int, bytes] = {}
+        for _ in range(2 * len(ids)):  # late answers to an earlier question, and rubbish, count too
+            packet, result = self.rxPacket(port, False)
+            if result == COMM_SUCCESS and packet[PKT_ID] in ids and _answered(packet) == length:
+                found[packet[PKT_ID]] = bytes(packet[PKT_ERROR + 1 :][:length])
+            if len(found) == len(ids) or port.isPacketTimeout():
+                break
+        return found
+
+    def readRx(self, port: Port, dxl_id: int, length: int) -> tuple[list[int], int, int]:  # noqa: N802
         while True:
             packet, result = self.rxPacket(port, False)
             if result != COMM_SUCCESS:
                 return [], result, 0
-            # An answer holds its error and a CRC beside the data.
-            answered = int.from_bytes(packet[PKT_LENGTH_L : PKT_LENGTH_H + 1], "little") - 4
-            if packet[PKT_ID] == dxl_id and answered == length:
+            if packet[PKT_ID] == dxl_id and _answered(packet) == length:
                 return packet[PKT_ERROR + 1 :][:length], result, packet[PKT_ERROR]
+
+
+def _answered(packet: list[int]) -> int:
+    """Bytes of data in an answer, which holds its error and a CRC beside them."""
+    return int.from_bytes(packet[PKT_LENGTH_L : PKT_LENGTH_H + 1], "little") - 4
 
 
 class Bus:
     """An open serial port with servos on it.
 
     Args:
-        port: Path of the serial port.
+        port: Path of the serial port, or a port of another kind.
         baudrate: Symbols a second [bit/s].
 
+    Attributes:
+        port: Path of the serial port.
+        clock: Tells the time.
+
     Raises:
-        BusError: The port cannot be opened; lists the serial ports there are. All methods raise it when the
-            port vanishes.
+        BusError: The port cannot be opened; lists the serial ports there are.
+        PortError: The port vanishes; from all methods.
     """
 
-    def __init__(self, port: str, baudrate: int):
-        self.port = port
-        self._port = _Port(port)
+    def __init__(self, port: str | Port, baudrate: int):
+        self._port = Port(port) if isinstance(port, str) else port
+        self.port: str = self._port.port_name
+        self.clock = self._port.clock
         self._sdk = _PacketHandler()
         try:
             opened = self._port.setBaudRate(baudrate)
         except SerialException as error:
             if error.errno in REFUSALS:
-                raise BusError(REFUSALS[error.errno], port) from error
+                raise BusError(REFUSALS[error.errno], self.port) from error
             ports = [found.device for found in comports()] or ["no serial port found"]
-            raise BusError("cannot open the serial port", port, ports) from error
+            raise BusError("cannot open the serial port", self.port, ports) from error
         if not opened:
             raise BusError("the SDK does not know this baud rate", baudrate)
 
@@ -127,11 +193,22 @@ class Bus:
                     return number
         return None
 
-    def scan(self) -> list[int]:
-        """IDs of all servos that answer. Takes about a second."""
+    def scan(self) -> dict[int, Identity | None]:
+        """All servos that answer, by ID; None where the answer is damaged. Takes about a second."""
         with self._port_errors():
             found, _ = self._sdk.broadcastPing(self._port)
-        return sorted(found)
+        identities = {servo_id: Identity(*answer) for servo_id, answer in found.items()}
+        speakers = {answer[PKT_ID] for answer in PING_ANSWER.findall(self._port.heard)}
+        return {servo_id: identities.get(servo_id) for servo_id in sorted(speakers)}
+
+    def is_clear(self, servo_id: int) -> bool:
+        """Whether what a servo says of its state comes undamaged, at least once in a few times.
+
+        Where two servos have one ID, both speak at once, and what they say differs: their clocks (120) do.
+        """
+        address = REGISTERS["Realtime Tick"].address
+        size = REGISTERS["Present Temperature"].address + 1 - address
+        return any(self.try_read(servo_id, address, size) for _ in range(ATTEMPTS))
 
     def read(self, servo_id: int, name: str) -> int:
         """The value of a register by its name, unsigned.
@@ -140,10 +217,20 @@ class Bus:
             BusError: The servo does not answer.
         """
         item = REGISTERS[name]
+        return int.from_bytes(self.read_bytes(servo_id, item.address, item.size), "little")
+
+    def read_bytes(self, servo_id: int, address: int, size: int) -> bytes:
+        """Some bytes of the control table.
+
+        Raises:
+            BusError: The servo does not answer.
+        """
         for _ in range(ATTEMPTS):
-            if data := self.try_read(servo_id, item.address, item.size):
-                return int.from_bytes(data, "little")
-        raise BusError(f"servo {servo_id} on {self.port} stopped answering when asked for {name}")
+            if data := self.try_read(servo_id, address, size):
+                return data
+            # An answer that comes late must not be taken for that to the next question.
+            self.clock.sleep(self._port.reply_wait / 1000)
+        raise BusError(f"servo {servo_id} on {self.port} stopped answering when asked for register {address}")
 
     def try_read(self, servo_id: int, address: int, size: int) -> bytes:
         """Ask once for bytes of the control table; nothing when the servo does not answer."""
@@ -185,10 +272,12 @@ class Bus:
     def set_all(self, ids: Iterable[int], name: str, value: int) -> None:
         """Set a register of several servos to one value, again until all confirm it or the attempts end."""
         item, ids = REGISTERS[name], list(ids)
+        if not ids:
+            return
         for _ in range(ATTEMPTS):
             self.sync_write(name, dict.fromkeys(ids, value))
             answers = self.sync_read(ids, item.address, item.size, fast=False)
-            if answers and set(answers.values()) == {bytes(_bytes(value, item.size))}:
+            if answers == dict.fromkeys(ids, bytes(_bytes(value, item.size))):
                 return
 
     def sync_read(self, ids: Iterable[int], address: int, size: int, fast: bool) -> dict[int, bytes]:
@@ -201,14 +290,20 @@ class Bus:
             fast: All answer in one packet (Fast Sync Read), which older firmware does not know.
 
         Returns:
-            Bytes by ID; empty unless all have answered.
+            Bytes by ID of those that have answered; with `fast` it is all or none.
         """
+        ids = list(ids)
+        if not ids:
+            return {}
         group = GroupSyncRead(self._port, self._sdk, address, size)
         for servo_id in ids:
             group.addParam(servo_id)
         try:
             with self._port_errors():
-                result = group.fastSyncRead() if fast else group.txRxPacket()
+                if not fast:
+                    sent = group.txPacket() == COMM_SUCCESS
+                    return self._sdk.readMany(self._port, ids, size) if sent else {}
+                result = group.fastSyncRead()
         except IndexError:
             return {}  # The SDK trips over a late answer to an earlier question.
         if result != COMM_SUCCESS:
@@ -220,6 +315,6 @@ class Bus:
         try:
             yield
         except (OSError, termios.error) as error:
-            raise BusError("the serial port has vanished", self.port) from error
+            raise PortError("the serial port has vanished", self.port) from error
         finally:
             self._port.is_using = False

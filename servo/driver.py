@@ -1,30 +1,22 @@
 """The servo driver: from a joint trajectory, through the safety envelope, to the servos and back."""
 
-import contextlib
-import itertools
 import math
-import time
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from gesture_bot.base.errors import BusError
+from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.envelope import Envelope, Interventions
-from gesture_bot.servo.models import REGISTERS, WATCHDOG_ERROR, WATCHDOG_UNIT
-from gesture_bot.servo.preparation import check_servos, hardware_errors, set_up
+from gesture_bot.servo.bus import Bus, Port
+from gesture_bot.servo.envelope import Envelope
+from gesture_bot.servo.following import Following
+from gesture_bot.servo.models import WATCHDOG_UNIT
+from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
+from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.trajectories import Overlay, coast, ease
-
-HEALTH_ADDRESS = REGISTERS["Hardware Error Status"].address
-HEALTH_SIZE = REGISTERS["Present Temperature"].address + 1 - HEALTH_ADDRESS
-"""One read covers hardware errors, Bus Watchdog, voltage and temperature."""
-
-HEALTH_PERIOD = 1.0
-"""Time from looking after one servo to looking after the next [s]."""
+from gesture_bot.servo.upkeep import NO_ANSWER, Upkeep
 
 EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
@@ -35,69 +27,11 @@ HALF_LIFE = 0.05
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""
 
+AT_REST = 0.02
+"""A hot joint this close to its rest position is switched off [rad]."""
 
-@dataclass(frozen=True)
-class Feedback:
-    """What the servos tell.
-
-    Attributes:
-        positions: (j,) [rad].
-        velocities: (j,) [rad/s].
-        efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
-        planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
-        stamp: When they were asked [s since the epoch].
-        prompt: Whether they answered so soon that they measured within 4 ms of it.
-    """
-
-    positions: np.ndarray
-    velocities: np.ndarray
-    efforts: np.ndarray
-    planned: np.ndarray
-    stamp: float
-    prompt: bool
-
-
-@dataclass(frozen=True)
-class Health:
-    """A servo's state.
-
-    Attributes:
-        temperature: [degC].
-        voltage: [V].
-        errors: The hardware errors it reports.
-    """
-
-    temperature: float
-    voltage: float
-    errors: tuple[str, ...]
-
-
-@dataclass
-class Status:
-    """Counts and states since the start, for diagnostics.
-
-    Attributes:
-        cycles: Ticks.
-        late_cycles: Ticks that came more than half a period late.
-        late_answers: Ticks that waited for the servos so long that it is not known when they measured.
-        read_failures: Answers that did not come in time or were damaged.
-        watchdog_stops: How often the watchdogs had to be armed anew, since the ticks had paused for too
-            long, or a servo had missed them or been away.
-        silent: Joints whose servo does not answer. While there are any, the robot holds.
-        command_age: Time since the last new trajectory [s]; inf before the first.
-        interventions: What the envelope held back.
-        health: Health by joint, each looked at in turn.
-    """
-
-    cycles: int = 0
-    late_cycles: int = 0
-    late_answers: int = 0
-    read_failures: int = 0
-    watchdog_stops: int = 0
-    silent: tuple[str, ...] = ()
-    command_age: float = math.inf
-    interventions: Interventions = field(default_factory=Interventions)
-    health: dict[str, Health] = field(default_factory=dict)
+REOPEN_PERIOD = 0.5
+"""Time from one try to open a port that has vanished to the next [s]."""
 
 
 class Driver:
@@ -105,33 +39,35 @@ class Driver:
 
     Args:
         robot: Whose servo table, limits, rest pose and bus settings to use.
-        port: Path of the serial port.
+        port: Path of the serial port, or a port of another kind.
         rate_hz: How often `tick` is called [1/s].
 
     Attributes:
         status: Counts and states for diagnostics.
+        clock: Tells the time; on a simulated bus, the simulated time.
 
     Raises:
         RobotError: The robot's servo table names an unknown model.
     """
 
-    def __init__(self, robot: Robot, port: str, rate_hz: float = 100.0):
+    def __init__(self, robot: Robot, port: str | Port, rate_hz: float = 100.0):
         self.status = Status()
         self._robot = robot
-        self._port = port
+        self._port = Port(port) if isinstance(port, str) else port
+        self.clock = self._port.clock
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
         self._lag = robot.bus.lag_ms / 1000
         self._bus: Bus | None = None
+        self._port_lost = False
+        self._next_open = -math.inf
         self._last_tick = -math.inf
         self._sampled = -math.inf
         self._commanded = -math.inf
         self._fresh = False
         self._last_packet = -math.inf
-        self._health_turn = itertools.cycle(robot.servos)
-        self._next_health = -math.inf
 
     def start(self) -> None:
         """Open the port, check and set up every servo, and switch torque on where each joint is.
@@ -151,8 +87,10 @@ class Driver:
             raise
         positions, _, _ = self._table.joint_state(self._reader.present)
         self._envelope = Envelope(self._robot.limits, self._dt, positions)
-        self.status.interventions = self._envelope.interventions
-        self._bus = bus
+        self._envelope.interventions = self.status.interventions
+        self._upkeep = Upkeep(bus, self._robot, self._reader)
+        self._following = Following(self._robot, self._dt)
+        self._bus, self._port_lost = bus, False
         self._arm()
         bus.hurry()
 
@@ -168,23 +106,22 @@ class Driver:
     def tick(self, now: float) -> Feedback:
         """Send each joint where it is to be now [s since the epoch], and read where it is.
 
+        A port that has vanished is opened again when it is back; the joints start from where they are.
+
         Raises:
-            BusError: The port has vanished.
+            PortError: The port has vanished.
+            BusError: The port is back, but the robot cannot be started.
         """
-        self._open_bus()
-        begin = time.monotonic()
-        self._account(now)
-        if now >= self._next_health:
-            self._next_health = now + HEALTH_PERIOD
-            self._look_after_one()
-        # Servos are behind their goals: these are sent so much earlier.
-        positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
-        if self.status.silent:
-            positions = np.full_like(positions, np.nan)
-        self._exchange(positions[0], velocities[0])
-        measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        asked = now + self._reader.read_at - begin
-        return Feedback(measured, speeds, efforts, positions[1], asked, self._reader.prompt)
+        if self._port_lost:
+            if now < self._next_open:
+                raise PortError("the serial port has vanished", self._port.port_name)
+            self._next_open = now + REOPEN_PERIOD
+            self.start()
+        try:
+            return self._cycle(now)
+        except PortError:
+            self._lose_port(now)
+            raise
 
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.
@@ -192,6 +129,8 @@ class Driver:
         Raises:
             BusError: The port has vanished.
         """
+        if self._port_lost:
+            raise PortError("the serial port has vanished", self._port.port_name)
         bus, on_exit = self._bus, self._robot.bus.on_exit
         if bus is None:
             return
@@ -205,6 +144,23 @@ class Driver:
             bus.close()
             self._bus = None
 
+    def _cycle(self, now: float) -> Feedback:
+        self._open_bus()
+        begin = self.clock.monotonic()
+        self._account(now)
+        self._upkeep.step(now)
+        # Servos are behind their goals: these are sent so much earlier.
+        positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
+        asked, planned = self._asked(positions[0], velocities[0], now), positions[1]
+        self._exchange(*asked)
+        measured, speeds, efforts = self._table.joint_state(self._reader.present)
+        self._compare(measured, efforts, now)
+        self._tell()
+        stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
+        planned = np.where(stopped, np.nan, planned)
+        asked_at = now + self._reader.read_at - begin
+        return Feedback(measured, speeds, efforts, planned, asked_at, self._reader.prompt)
+
     def _account(self, now: float) -> None:
         status = self.status
         status.cycles += 1
@@ -217,50 +173,77 @@ class Driver:
             self._commanded, self._fresh = now, False
         status.command_age = now - self._commanded
 
+    def _asked(
+        self, positions: np.ndarray, velocities: np.ndarray, now: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the joints are asked for: what is planned, unless they are to hold, to rest or to yield."""
+        upkeep, hot = self._upkeep, self._upkeep.heat.hot
+        holding = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
+        everyone = np.full(len(hot), self.status.holding and not holding)
+        self._envelope.ease(everyone | hot | self._following.release(now))
+        self.status.holding = holding
+        positions = np.where(holding | upkeep.out, np.nan, positions)
+        positions = np.where(hot & ~upkeep.out, self._robot.rest, positions)
+        return self._following.soften(positions, np.where(hot, 0.0, velocities))
+
     def _exchange(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """One cycle on the bus: goals out, through the envelope, and the present state in."""
         bus = self._open_bus()
-        if time.monotonic() - self._last_packet > self._watchdog:
+        if self.clock.monotonic() - self._last_packet > self._watchdog:
             self.status.watchdog_stops += 1
             self._arm()
-        sent = self._envelope.step(positions, velocities)
-        bus.sync_write("Goal Position", self._table.by_id(self._table.ticks(sent)))
-        self._last_packet = time.monotonic()
+        sent = self._envelope.step(positions, velocities, self._upkeep.heat.speed)
+        goals = self._table.by_id(self._table.ticks(sent))
+        used = zip(self._table.ids, ~self._upkeep.out, strict=True)
+        bus.sync_write("Goal Position", {servo_id: goals[servo_id] for servo_id, on in used if on})
+        self._last_packet = self.clock.monotonic()
         self._reader.read()
-        self.status.late_answers = self._reader.late
-        self.status.read_failures = self._reader.failures
-        silent = self._reader.silent
-        self.status.silent = tuple(servo.joint for servo in self._robot.servos if servo.id in silent)
+
+    def _compare(self, measured: np.ndarray, efforts: np.ndarray, now: float) -> None:
+        """See which joints are out of service, limp, blocked, or to be switched off."""
+        upkeep, following = self._upkeep, self._following
+        back = upkeep.heed()
+        # What is out of service starts again from where it is.
+        self._envelope.reset(measured, upkeep.out | back)
+        following.compare(
+            self._envelope.positions.copy(), measured, efforts, ~upkeep.out & self._reader.fresh, now
+        )
+        for joint in np.flatnonzero(following.limp):
+            upkeep.look_at(int(joint), now)
+        rested = np.abs(self._envelope.positions - self._robot.rest) < AT_REST
+        for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
+            upkeep.switch_off(int(joint))
+
+    def _tell(self) -> None:
+        def names(joints: np.ndarray) -> tuple[str, ...]:
+            return tuple(np.array(self._robot.joints)[joints].tolist())
+
+        status, upkeep = self.status, self._upkeep
+        status.late_answers = self._reader.late
+        status.read_failures = self._reader.failures
+        status.health = upkeep.health
+        status.out = dict(upkeep.reasons)
+        status.silent = tuple(joint for joint, reason in upkeep.reasons.items() if reason == NO_ANSWER)
+        status.warm = names(upkeep.heat.speed < 1.0)
+        status.yielding = names(self._following.yielding)
+        status.blocks = self._following.blocks
 
     def _arm(self) -> None:
         """Clear and arm the servos' watchdogs, and start again from where the joints are."""
         bus = self._open_bus()
-        bus.set_all(self._table.ids, "Bus Watchdog", 0)
+        used = [servo_id for servo_id, out in zip(self._table.ids, self._upkeep.out, strict=True) if not out]
+        bus.set_all(used, "Bus Watchdog", 0)
         self._reader.read()
         positions, _, _ = self._table.joint_state(self._reader.present)
         self._envelope.reset(positions)
-        bus.set_all(self._table.ids, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
-        self._last_packet = time.monotonic()
+        bus.set_all(used, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
+        self._last_packet = self.clock.monotonic()
 
-    def _look_after_one(self) -> None:
-        """Ask a servo how it is: a silent one if there is any, else each in turn."""
-        bus = self._open_bus()
-        silent = set(self._reader.silent)
-        servo = next(row for row in self._health_turn if not silent or row.id in silent)
-        data = bus.try_read(servo.id, HEALTH_ADDRESS, HEALTH_SIZE)
-        if not data:
-            return
-        self.status.health[servo.joint] = Health(
-            temperature=_register(data, "Present Temperature"),
-            voltage=_register(data, "Present Input Voltage") / 10,
-            errors=hardware_errors(_register(data, "Hardware Error Status")),
-        )
-        if servo.id in silent:
-            with contextlib.suppress(BusError):  # it may fall silent again; its next turn comes
-                set_up(bus, self._robot, servo)
-                self._reader.heard(servo.id)
-        if servo.id in silent or _register(data, "Bus Watchdog") == WATCHDOG_ERROR:
-            self._last_packet = -math.inf  # the next exchange arms the watchdogs anew
+    def _lose_port(self, now: float) -> None:
+        self.status.ports_lost += 1
+        self._open_bus().close()
+        self._bus, self._port_lost = None, True
+        self._next_open = now + REOPEN_PERIOD
 
     def _go_to_rest(self) -> None:
         """Move to the rest pose, from whatever motion is under way, in real time."""
@@ -274,10 +257,11 @@ class Driver:
             np.sqrt(np.max(5.774 * distance / (EXIT_SHARE * limits.acceleration))),
             self._dt,
         )
-        start = time.monotonic()
+        start = self.clock.monotonic()
         for elapsed in np.arange(0.0, EXIT_TIME, self._dt):
-            time.sleep(max(start + elapsed - time.monotonic(), 0.0))
-            self._exchange(*ease(coast(*leaving, elapsed), rest, elapsed, duration))
+            self.clock.sleep(max(start + elapsed - self.clock.monotonic(), 0.0))
+            path = ease(coast(*leaving, elapsed), rest, elapsed, duration)
+            self._exchange(*self._following.soften(*path))
             if elapsed > duration and np.allclose(self._envelope.positions, rest[0], atol=1e-3):
                 return
 
@@ -285,9 +269,3 @@ class Driver:
         if self._bus is None:
             raise BusError("the servo driver is not started")
         return self._bus
-
-
-def _register(health: bytes, name: str) -> int:
-    item = REGISTERS[name]
-    start = item.address - HEALTH_ADDRESS
-    return int.from_bytes(health[start : start + item.size], "little")

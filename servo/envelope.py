@@ -46,7 +46,7 @@ class Envelope:
         self.interventions = Interventions()
         self._limits = limits
         self._follower = Follower(limits, dt, positions)
-        self.reset(positions)
+        self._met = np.zeros(len(positions), bool)
 
     @property
     def positions(self) -> np.ndarray:
@@ -58,17 +58,29 @@ class Envelope:
         """(j,) how fast they move there [rad/s]."""
         return self._follower.velocity
 
-    def reset(self, positions: np.ndarray) -> None:
-        """Start again from joints at rest, at (j,) positions [rad]."""
-        self._follower.reset(positions)
-        self._met = np.zeros(len(positions), bool)
+    def reset(self, positions: np.ndarray, joints: np.ndarray | None = None) -> None:
+        """Start again from joints at rest, at (j,) positions [rad]; with a (j,) mask, those joints alone."""
+        if joints is None:
+            joints = np.ones(len(positions), bool)
+        follower = self._follower
+        follower.reset(
+            np.where(joints, positions, follower.position), np.where(joints, 0.0, follower.velocity)
+        )
+        self.ease(joints)
 
-    def step(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+    def ease(self, joints: np.ndarray) -> None:
+        """Let the joints of a (j,) mask approach their targets slowly until they have met them again."""
+        self._met = self._met & ~joints
+
+    def step(
+        self, positions: np.ndarray, velocities: np.ndarray, speed: np.ndarray | float = 1.0
+    ) -> np.ndarray:
         """Move for one tick toward a target, as far as the limits allow.
 
         Args:
             positions: (j,) asked for [rad]; NaN lets the joint brake.
             velocities: (j,) asked for [rad/s].
+            speed: (j,) or one share of the velocity limits that may be used, such as of a warm servo.
 
         Returns:
             (j,) positions that are safe to send [rad].
@@ -78,15 +90,16 @@ class Envelope:
         # Braking evenly within the tick leads here: this target asks for nothing else.
         stop = follower.position + 0.5 * follower.dt * follower.velocity
         target = np.where(asked, positions, stop)
-        speed = np.where(asked, velocities, 0.0)
+        wanted = np.where(asked, velocities, 0.0)
         self._met |= asked & (np.abs(follower.position - target) < MET)
-        easing = np.minimum(limits.velocity, EASING_VELOCITY)
-        follower.limits = replace(limits, velocity=np.where(self._met, limits.velocity, easing))
-        sent, _ = follower.step(target, speed)
+        fastest = speed * limits.velocity
+        fastest = np.where(self._met, fastest, np.minimum(fastest, EASING_VELOCITY))
+        follower.limits = replace(limits, velocity=fastest)
+        sent, _ = follower.step(target, wanted)
 
         held_back = asked & self._met & (np.abs(sent - target) > HELD_BACK)
         outside = (target < limits.lower) | (target > limits.upper)
-        too_fast = ~outside & (np.abs(speed) > limits.velocity)
+        too_fast = ~outside & (np.abs(wanted) > limits.velocity)
         self.interventions.position += int(np.count_nonzero(held_back & outside))
         self.interventions.velocity += int(np.count_nonzero(held_back & too_fast))
         self.interventions.acceleration += int(np.count_nonzero(held_back & ~outside & ~too_fast))

@@ -20,6 +20,14 @@ VELOCITY_UNIT = 0.229 * 2 * math.pi / 60
 POSITION_MODE = 3
 """Operating Mode (11): position control over one turn."""
 
+HOMING_RANGE = 1024
+"""Homing Offset (20) counts up to here in position control [ticks]; the servo ignores a larger one."""
+
+BAUD_RATES = {
+    0: 9_600, 1: 57_600, 2: 115_200, 3: 1_000_000, 4: 2_000_000, 5: 3_000_000, 6: 4_000_000, 7: 4_500_000,
+}  # fmt: skip
+"""What Baud Rate (8) means [bit/s]. A servo comes from the factory with 57600 and the ID 1."""
+
 WATCHDOG_UNIT = 0.02
 """Unit of Bus Watchdog (98) [s]."""
 

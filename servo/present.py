@@ -1,7 +1,6 @@
 """Reading where all servos are, although one or the other may not answer."""
 
 import statistics
-import time
 from collections import deque
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
 
-SILENT_AFTER = 5
+SILENT_AFTER = 8
 """A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
 
 STAMP_ERROR = 0.004
@@ -19,13 +18,19 @@ A servo measures when the question reaches it, somewhere between question and an
 that is busy for longer than this leaves that open.
 """
 
+RETRY_TIME = 0.004
+"""Time in a cycle for asking those alone that have not answered [s]; who is left waits for the next cycle."""
+
+PLAIN_CYCLES = 100
+"""After a Fast Sync Read has failed, so many cycles use Sync Read: noise then costs single answers alone."""
+
 _USUAL = 100  # readings whose median says how long one takes
 
 
 class PresentReader:
     """Reads the present state of the servos once a cycle.
 
-    All are asked in one transaction. If that fails, each is asked alone, once.
+    All are asked in one transaction. Who does not answer is asked alone, once, while there is time.
 
     Args:
         bus: The bus.
@@ -33,6 +38,7 @@ class PresentReader:
 
     Attributes:
         present: (j,) PRESENT records, each as it was last heard.
+        fresh: (j,) who was heard in the last cycle.
         read_at: When they were last asked, on the monotonic clock [s]; they measure then.
         prompt: Whether the last reading took no longer than usual, so that its moment is known within 4 ms.
         late: Readings that took longer, so far.
@@ -41,6 +47,7 @@ class PresentReader:
 
     def __init__(self, bus: Bus, ids: list[int]):
         self.present = np.zeros(len(ids), PRESENT)
+        self.fresh = np.zeros(len(ids), bool)
         self.read_at = 0.0
         self.prompt = True
         self.late = 0
@@ -49,6 +56,7 @@ class PresentReader:
         self._ids = ids
         self._missed = dict.fromkeys(ids, 0)
         self._took: deque[float] = deque(maxlen=_USUAL)
+        self._plain = 0
         # Firmware without Fast Sync Read leaves the question without an answer.
         self._fast = any(bus.sync_read(ids, PRESENT_ADDRESS, PRESENT.itemsize, fast=True) for _ in range(2))
 
@@ -60,18 +68,28 @@ class PresentReader:
     def read(self) -> None:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
-        answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, self._fast)
+        fast = self._fast and not self._plain
+        self._plain = max(self._plain - 1, 0)
+        answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, fast)
         self.read_at = self._bus.asked_at
-        if not answers:
+        missing = sorted(set(asked) - set(answers), key=lambda servo_id: -self._missed[servo_id])
+        if missing:
             self.failures += 1
-            answers = {i: self._bus.try_read(i, PRESENT_ADDRESS, PRESENT.itemsize) for i in asked}
-        for servo_id, data in answers.items():
-            if data:
+            self._plain = PLAIN_CYCLES
+            until = self._bus.clock.monotonic() + RETRY_TIME
+            for servo_id in missing:
+                if self._bus.clock.monotonic() > until:
+                    break
+                if data := self._bus.try_read(servo_id, PRESENT_ADDRESS, PRESENT.itemsize):
+                    answers[servo_id] = data
+        self.fresh[:] = [servo_id in answers for servo_id in self._ids]
+        for servo_id in asked:
+            if servo_id in answers:
                 self._missed[servo_id] = 0
-                self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
+                self.present[self._ids.index(servo_id)] = np.frombuffer(answers[servo_id], PRESENT)[0]
             else:
                 self._missed[servo_id] += 1
-        self._judge(time.monotonic() - self.read_at)
+        self._judge(self._bus.clock.monotonic() - self.read_at)
 
     def heard(self, servo_id: int) -> None:
         """A servo that was silent has answered."""

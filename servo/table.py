@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gesture_bot.retarget.robot import Robot
+from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.models import CENTRE, REGISTERS, TICKS_PER_RADIAN, VELOCITY_UNIT, find_model
 
 PRESENT = np.dtype([("effort", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
@@ -44,3 +44,8 @@ class ServoTable:
         positions = self._direction * (angles - self._offset)
         velocities = self._direction * present["velocity"] * VELOCITY_UNIT
         return positions, velocities, self._direction * present["effort"] * self._effort_unit
+
+
+def joint_angle(servo: ServoEntry, ticks: int) -> float:
+    """Angle of a joint [rad] where its servo is at a position [ticks]."""
+    return servo.direction * ((ticks - CENTRE) / TICKS_PER_RADIAN - servo.offset)

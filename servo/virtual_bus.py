@@ -12,14 +12,15 @@ import pty
 import select
 import subprocess
 import sys
+import termios
 import time
 import tty
 from dataclasses import asdict
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from gesture_bot.base.errors import BusError, GestureBotError
-from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN, find_model
+from gesture_bot.base.errors import BusError, GestureBotError, RobotError
+from gesture_bot.servo.models import BAUD_RATES, CENTRE, TICKS_PER_RADIAN, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
 
@@ -27,7 +28,13 @@ if TYPE_CHECKING:
     from gesture_bot.retarget.robot import Robot
 
 CHILD = "-"
-"""In place of a robot: the servos come as JSON on the standard input."""
+"""In place of a robot: the baud rate and the servos come as JSON on the standard input."""
+
+BITS = 10
+"""A byte on the wire has a start and a stop bit."""
+
+SPEEDS = {getattr(termios, f"B{rate}"): rate for rate in BAUD_RATES.values() if hasattr(termios, f"B{rate}")}
+"""Baud rates [bit/s] by what the system calls them."""
 
 LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
@@ -37,12 +44,19 @@ def servo_specs(robot: "Robot") -> list[ServoSpec]:
     """The servos of a `retarget.robot.Robot`, standing in its rest pose.
 
     Raises:
-        RobotError: A servo is of an unknown model.
+        RobotError: A servo is of an unknown model, or the bus has a baud rate that no servo knows.
     """
     for row in robot.servos:
         find_model(row.model)
+    if robot.bus.baudrate not in BAUD_RATES.values():
+        raise RobotError("no servo speaks at this baud rate", robot.bus.baudrate, BAUD_RATES.values())
     return [
-        ServoSpec(row.id, row.model, round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)))
+        ServoSpec(
+            row.id,
+            row.model,
+            round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)),
+            robot.bus.baudrate,
+        )
         for row, angle in zip(robot.servos, robot.rest, strict=True)
     ]
 
@@ -55,9 +69,13 @@ def open_pseudo_terminal() -> tuple[int, str]:
     return servos_end, os.ttyname(controllers_end)
 
 
-def serve(wire: VirtualWire, servos_end: int, stop: int) -> None:
-    """Answer packets in real time until the file descriptor `stop` has something to read, or ends."""
-    last = time.monotonic()
+def serve(wire: VirtualWire, servos_end: int, stop: int, baudrate: int) -> None:
+    """Answer packets in real time until the file descriptor `stop` has something to read, or ends.
+
+    Each byte, either way, takes its time on the wire, and the wire carries one at a time.
+    """
+    byte_time = BITS / baudrate
+    last = free = time.monotonic()
     while True:
         readable, _, _ = select.select([servos_end, stop], [], [], 10 * LONGEST_STEP)
         now = time.monotonic()
@@ -68,7 +86,14 @@ def serve(wire: VirtualWire, servos_end: int, stop: int) -> None:
         if stop in readable:
             return
         if servos_end in readable:
-            os.write(servos_end, wire.receive(os.read(servos_end, 4096)))
+            _, _, _, _, speed, _, _ = termios.tcgetattr(servos_end)
+            wire.baudrate = SPEEDS.get(speed)
+            packets = os.read(servos_end, 4096)
+            answers = wire.receive(packets)
+            free = max(free, now) + byte_time * (len(packets) + len(answers))
+            if answers:  # what nobody answers only makes the next bytes wait
+                time.sleep(max(free - time.monotonic(), 0.0))
+                os.write(servos_end, answers)
 
 
 class VirtualBus:
@@ -86,7 +111,10 @@ class VirtualBus:
     port: str
 
     def __init__(self, robot: "Robot"):
-        self._specs = servo_specs(robot)
+        self._setup = {
+            "baudrate": robot.bus.baudrate,
+            "servos": [asdict(spec) for spec in servo_specs(robot)],
+        }
 
     def __enter__(self) -> "VirtualBus":
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
@@ -99,7 +127,7 @@ class VirtualBus:
             start_new_session=True,
         )
         assert self._process.stdin and self._process.stdout
-        print(json.dumps([asdict(spec) for spec in self._specs]), file=self._process.stdin, flush=True)
+        print(json.dumps(self._setup), file=self._process.stdin, flush=True)
         self.port = self._process.stdout.readline().strip()
         if not self.port:
             raise BusError("the virtual bus did not start")
@@ -115,10 +143,11 @@ class VirtualBus:
 
 
 def _child() -> None:
-    specs = [ServoSpec(**row) for row in json.loads(sys.stdin.readline())]
+    setup = json.loads(sys.stdin.readline())
+    specs = [ServoSpec(**row) for row in setup["servos"]]
     servos_end, port = open_pseudo_terminal()
     print(port, flush=True)
-    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno())
+    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno(), setup["baudrate"])
 
 
 def main() -> None:

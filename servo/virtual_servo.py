@@ -11,7 +11,9 @@ from dynamixel_sdk.protocol2_packet_handler import (
 )
 
 from gesture_bot.servo.models import (
+    BAUD_RATES,
     CENTRE,
+    HOMING_RANGE,
     POSITION_MODE,
     TICKS_PER_RADIAN,
     VELOCITY_UNIT,
@@ -58,16 +60,20 @@ INITIAL = {
 """What any virtual servo holds at first, where that is not zero: the e-Manual's values for an XL430-W250, but
 for the baud rate and the current limit."""
 
+OVERHEATING = 1 << 2
+"""Bit of Hardware Error Status (70)."""
+
 GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 
 
 @dataclass(frozen=True)
 class ServoSpec:
-    """A servo to simulate: its ID, its model's name, and where its joint stands [ticks]."""
+    """A servo to simulate: ID, name of the model, where its joint stands [ticks], baud rate [bit/s]."""
 
     id: int
     model: str
     ticks: int = CENTRE
+    baudrate: int = BAUD_RATES[INITIAL["Baud Rate"]]
 
 
 class VirtualServo:
@@ -77,9 +83,11 @@ class VirtualServo:
 
     Attributes:
         memory: The control table, byte by byte.
-        position: Where the joint is [ticks].
+        position: Where the joint is [ticks], not counting Homing Offset.
         velocity: How fast it turns [ticks/s].
         temperature: [degC].
+        power: False: the supply is off, and the joint limp. `reboot` switches it on.
+        stuck: The joint does not turn, whatever the motor does; it stays at `position`.
     """
 
     def __init__(self, spec: ServoSpec):
@@ -90,10 +98,24 @@ class VirtualServo:
         self.position = float(spec.ticks)
         self.velocity = 0.0
         self.temperature = ROOM
+        self.power = True
+        self.stuck = False
         self._silence = 0.0
         self._uptime = 0.0
         self._switch_on(first_address=0)
         self.set("ID", spec.id)
+        self.set("Baud Rate", next(value for value, rate in BAUD_RATES.items() if rate == spec.baudrate))
+
+    @property
+    def baudrate(self) -> int:
+        """At what speed it hears and speaks [bit/s]."""
+        return BAUD_RATES[self.get("Baud Rate")]
+
+    @property
+    def homing(self) -> int:
+        """What is added to the position in all registers [ticks]; too large an offset is ignored."""
+        offset = self.get("Homing Offset")
+        return offset if abs(offset) <= HOMING_RANGE or self.get("Operating Mode") != POSITION_MODE else 0
 
     def get(self, name: str) -> int:
         """The value of a register."""
@@ -111,6 +133,7 @@ class VirtualServo:
 
     def reboot(self) -> None:
         """Switch off and on: torque is off, and RAM is as it was at the start."""
+        self.power = True
         self._switch_on(first_address=RAM)
 
     def hear(self) -> None:
@@ -147,16 +170,20 @@ class VirtualServo:
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the joint moves, the motor warms or cools, Bus Watchdog counts."""
+        if not self.power:
+            self.velocity = 0.0
+            return
         self._uptime += seconds
         self._silence += seconds
+        self._protect()
         powered = self.get("Torque Enable") == 1
         watchdog = self.get("Bus Watchdog")
         if powered and 0 < watchdog < WATCHDOG_ERROR and self._silence > watchdog * WATCHDOG_UNIT:
             self.set("Bus Watchdog", WATCHDOG_ERROR)
-            self.set("Goal Position", round(self.position))
+            self.set("Goal Position", round(self.position) + self.homing)
         load = 0.0
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._follow(self.get("Goal Position"), seconds)
+            load = self._follow(self.get("Goal Position") - self.homing, seconds)
         else:
             self.velocity = 0.0
         settled = ROOM + FULL_LOAD_HEATING * load * load
@@ -165,6 +192,9 @@ class VirtualServo:
 
     def _follow(self, goal: float, seconds: float) -> float:
         """Move toward a goal [ticks] in closed form; returns the load as a share of the stall torque."""
+        if self.stuck:
+            self.velocity = 0.0
+            return self._load(goal)
         error = self.position - goal
         pull = self.velocity + BANDWIDTH * error
         decay = math.exp(-BANDWIDTH * seconds)
@@ -175,9 +205,19 @@ class VirtualServo:
         fastest = TICKS_PER_RADIAN * (min(profile, no_load) if profile else no_load)
         self.position += max(-fastest * seconds, min(fastest * seconds, moved))
         self.velocity = max(-fastest, min(fastest, velocity))
+        return self._load(goal)
+
+    def _load(self, goal: float) -> float:
         # The motor's voltage is the proportional gain times the position error (Position P Gain, 84).
         drive = self.get("Position P Gain") / 128 * (goal - self.position) / self.get("PWM Limit")
         return max(-1.0, min(1.0, drive))
+
+    def _protect(self) -> None:
+        """Report overheating, and switch torque off until a reboot, where Shutdown (63) says so."""
+        if self.temperature > self.get("Temperature Limit"):
+            self.set("Hardware Error Status", self.get("Hardware Error Status") | OVERHEATING)
+        if self.get("Hardware Error Status") & self.get("Shutdown"):
+            self.set("Torque Enable", 0)
 
     def _show(self, load: float) -> None:
         current_unit = self.model.current_unit
@@ -186,7 +226,7 @@ class VirtualServo:
         else:
             self.set("Present Load", round(load * 1000))
         self.set("Present Velocity", round(self.velocity / TICKS_PER_RADIAN / VELOCITY_UNIT))
-        self.set("Present Position", round(self.position))
+        self.set("Present Position", round(self.position) + self.homing)
         self.set("Present Temperature", round(self.temperature))
         self.set(
             "Moving", abs(self.velocity) > self.get("Moving Threshold") * VELOCITY_UNIT * TICKS_PER_RADIAN
@@ -198,7 +238,7 @@ class VirtualServo:
             "Model Number": self.model.number,
             "Velocity Limit": round(self.model.speed / 0.229),
             "Present Input Voltage": round(10 * self.model.voltage),
-            "Goal Position": round(self.position),
+            "Goal Position": round(self.position) + self.homing,
         }
         for name, item in self._table.items():
             if item.address >= first_address:

@@ -1,22 +1,27 @@
-"""Virtual buses for tests: in a thread of the test, with every packet on record."""
+"""Virtual buses for tests, with every packet on record: in simulated time, or in a thread of the test."""
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from dynamixel_sdk.robotis_def import INST_SYNC_WRITE, INST_WRITE
 
 from gesture_bot.retarget.robot import Robot
+from gesture_bot.servo.simulated_line import SimulatedLine, SimulatedPort
 from gesture_bot.servo.virtual_bus import open_pseudo_terminal, serve, servo_specs
-from gesture_bot.servo.virtual_servo import VirtualServo
+from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
 
 
 class RecordingWire(VirtualWire):
-    """A wire that remembers what was written: (id, address, bytes), sync writes servo by servo."""
+    """A wire that remembers what was written: (id, address, bytes), sync writes servo by servo.
 
-    port: str
+    `questions` counts the packets to all.
+    """
+
+    port: str | SimulatedPort
+    questions = 0
 
     def __init__(self, servos):
         super().__init__(servos)
@@ -28,6 +33,7 @@ class RecordingWire(VirtualWire):
         return super()._single(servo_id, instruction, parameters)
 
     def _broadcast(self, instruction, parameters):
+        self.questions += 1
         if instruction == INST_SYNC_WRITE:
             address, size = (int.from_bytes(parameters[i : i + 2], "little") for i in (0, 2))
             for at in range(4, len(parameters), size + 1):
@@ -44,12 +50,19 @@ class RecordingWire(VirtualWire):
         ]
 
 
-@contextmanager
-def recorded_bus(robot: Robot) -> Iterator[RecordingWire]:
+def simulated_bus(robot: Robot) -> RecordingWire:
+    """A bus in simulated time, which passes in the clock of the driver that uses its port."""
     wire = RecordingWire(map(VirtualServo, servo_specs(robot)))
+    wire.port = SimulatedPort(SimulatedLine(wire, robot.bus.baudrate))
+    return wire
+
+
+@contextmanager
+def recorded_bus(robot: Robot, more: Iterable[ServoSpec] = ()) -> Iterator[RecordingWire]:
+    wire = RecordingWire(map(VirtualServo, [*servo_specs(robot), *more]))
     servos_end, wire.port = open_pseudo_terminal()
     stop_reading, stop = os.pipe()
-    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading))
+    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading, robot.bus.baudrate))
     thread.start()
     try:
         yield wire

@@ -59,6 +59,16 @@ def test_a_path_is_loaded_and_narrows_the_limits(tmp_path):
     assert (robot.limits.acceleration[pan], robot.servos[pan].offset) == (9, 0.5)
 
 
+def test_the_mark_is_zero_or_the_limit_next_to_it_or_as_given(tmp_path):
+    joints = yaml.safe_load(TOA.read_text())["joints"]
+    left, right = joints["left_elbow"], joints["right_elbow"]
+    path = changed(
+        tmp_path, joints=joints | {"left_elbow": left | {"lower": 0.3}, "right_elbow": right | {"mark": -0.1}}
+    )
+    marks = {servo.joint: servo.mark for servo in load_robot(path).servos}
+    assert (marks["left_elbow"], marks["right_elbow"], marks["head_pan"]) == (0.3, -0.1, 0.0)
+
+
 def test_unknown_robots_are_told_the_known():
     with pytest.raises(InvalidValueError, match="'nao'; valid: .*toa"):
         load_robot("nao")

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from servo_bus import recorded_bus
+from servo_bus import recorded_bus, simulated_bus
 
 from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.driver import HEALTH_ADDRESS, HEALTH_SIZE, Driver
+from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.health import HEALTH_ADDRESS, HEALTH_SIZE
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
 from gesture_bot.servo.mux import MotionMux
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
@@ -34,6 +35,12 @@ def robot_with(**bus):
 
 @pytest.fixture
 def wire():
+    return simulated_bus(ROBOT)
+
+
+@pytest.fixture
+def terminal():
+    """A bus behind a pseudo-terminal, in real time."""
     with recorded_bus(ROBOT) as wire:
         yield wire
 
@@ -47,11 +54,11 @@ def driver(wire):
 
 
 def run(driver, seconds, start=T0):
-    """Tick in real time; returns the feedback of each tick."""
-    began = time.monotonic()
+    """Tick on time; returns the feedback of each tick."""
+    began = driver.clock.monotonic()
     feedback = []
     for k in range(round(seconds / DT)):
-        time.sleep(max(began + k * DT - time.monotonic(), 0))
+        driver.clock.sleep(max(began + k * DT - driver.clock.monotonic(), 0))
         feedback.append(driver.tick(start + k * DT))
     return feedback
 
@@ -129,24 +136,26 @@ def test_joints_move_to_the_goal_and_report_it(driver, wire):
     assert driver.status.read_failures == 0
     assert driver.status.command_age == pytest.approx(0.89)
     assert driver.status.interventions.position == driver.status.interventions.velocity == 0
-    (health,) = driver.status.health.values()
-    assert health.temperature == pytest.approx(25, abs=1)
-    assert (health.voltage, health.errors) == (12.0, ())
+    assert len(driver.status.health) >= 6
+    for health in driver.status.health.values():
+        assert health.temperature == pytest.approx(25, abs=1)
+        assert (health.voltage, health.errors, health.torque) == (12.0, (), True)
 
 
 @pytest.mark.parametrize(("lag_ms", "left"), [(0.0, 2 / BANDWIDTH + DT), (45.0, 0.0)])
 def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
     driver = Driver(robot_with(on_exit="off", lag_ms=lag_ms), wire.port)
     driver.start()
-    begin = time.time()
+    clock = driver.clock
+    begin = clock.monotonic()
     plan_times = begin + np.arange(-1.0, 5.0, 0.02)
     phase = 2 * np.pi * 0.7 * (plan_times - begin)[:, None]
     swing, speed = 0.8 - 0.3 * np.cos(phase), 0.3 * 2 * np.pi * 0.7 * np.sin(phase)
     driver.set_trajectory(JointTrajectory(("left_elbow",), plan_times, swing, speed))
     told = []
-    while (now := time.time()) < begin + 3.5:
+    while (now := clock.monotonic()) < begin + 3.5:
         told.append(driver.tick(now))
-        time.sleep(max(0.0, now + DT - time.time()))
+        clock.sleep(max(0.0, now + DT - clock.monotonic()))
     driver.close()
     times = np.array([feedback.stamp for feedback in told[100:]])
     measured = np.array([feedback.positions[[ELBOW]] for feedback in told[100:]])
@@ -170,7 +179,7 @@ def test_a_stop_brakes_evenly_also_where_goals_are_sent_ahead(wire):
         if tick % 4 == 0:
             driver.set_trajectory(mux.tick(now))
         driver.tick(now)
-        time.sleep(DT)
+        driver.clock.sleep(DT)
     acceleration = np.abs(np.diff(sent_angles(wire, ELBOW), 2)).max() / DT**2
     assert acceleration <= ROBOT.limits.acceleration[ELBOW] + 40  # a tick of the servo is 15 rad/s^2
     assert driver.status.interventions.acceleration - before < 12
@@ -227,10 +236,10 @@ def test_the_servos_stop_by_themselves_when_nobody_ticks(driver, wire):
     rest, elbow = ROBOT.rest[ELBOW], wire.servos[ELBOW_ID]
     driver.set_trajectory(elbow_path(rest, rest + 1.0, seconds=2.0))
     run(driver, 0.8)
-    time.sleep(0.5)
+    driver.clock.sleep(0.5)
     assert elbow.get("Bus Watchdog") == WATCHDOG_ERROR
     where = elbow.position
-    time.sleep(0.1)
+    driver.clock.sleep(0.1)
     assert elbow.position == pytest.approx(where, abs=1)
     feedback = run(driver, 1.0, T0 + 2.0)
     assert driver.status.watchdog_stops == 1
@@ -256,7 +265,7 @@ def test_a_silent_servo_makes_the_robot_hold_until_it_is_back(driver, wire):
     assert feedback[-1].positions[ELBOW] > feedback[0].positions[ELBOW] + 0.1
 
 
-def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(wire, monkeypatch):
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(terminal, monkeypatch):
     answer = VirtualServo.read
 
     def slowly(servo, address, size):
@@ -264,10 +273,10 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(wire, monkeypat
             time.sleep(0.017)  # longer than a cycle waits
         return answer(servo, address, size)
 
-    bus = Bus(wire.port, ROBOT.bus.baudrate)
-    bus.hurry()
+    bus = Bus(terminal.port, ROBOT.bus.baudrate)
     read = bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize)
     assert len(read) == PRESENT.itemsize
+    bus.hurry()
     monkeypatch.setattr(VirtualServo, "read", slowly)
     assert bus.try_read(ELBOW_ID, HEALTH_ADDRESS, HEALTH_SIZE) == b""
     answers = {bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize) for _ in range(5)}
@@ -306,10 +315,13 @@ def test_a_port_that_vanishes_is_named():
         driver.close()
 
 
-def test_a_port_in_use_is_named(wire, driver):
+def test_a_port_in_use_is_named(terminal):
+    driver = Driver(robot_with(on_exit="off"), terminal.port)
+    driver.start()
     with pytest.raises(BusError, match="another program uses the serial port"):
-        Driver(ROBOT, wire.port).start()
+        Driver(ROBOT, terminal.port).start()
     driver.tick(T0)
+    driver.close()
 
 
 def test_a_missing_servo_is_named_with_those_found(wire):
@@ -351,9 +363,9 @@ def test_exit(wire, on_exit):
     driver.set_trajectory(elbow_path(rest, rest + 0.6, seconds=0.4))
     run(driver, 0.5)
     wire.writes.clear()
-    began = time.monotonic()
+    began = driver.clock.monotonic()
     driver.close()
-    assert time.monotonic() - began < 1.5
+    assert driver.clock.monotonic() - began < 1.5
     assert elbow.get("Bus Watchdog") == 0
     assert elbow.get("Torque Enable") == (on_exit == "hold")
     home = ServoTable(ROBOT).ticks(ROBOT.rest)[ELBOW]

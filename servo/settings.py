@@ -1,0 +1,163 @@
+"""What a robot needs its servos to be set to, and setting them so."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gesture_bot.base.errors import BusError
+from gesture_bot.retarget.robot import Robot, ServoEntry
+from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.models import (
+    HOMING_RANGE,
+    REGISTERS,
+    TICKS_PER_RADIAN,
+    VELOCITY_UNIT,
+    find_model,
+    model_name,
+    signed,
+)
+from gesture_bot.servo.preparation import SETTINGS, hardware_errors
+from gesture_bot.servo.scan import SHARED
+from gesture_bot.servo.table import ServoTable
+
+SILENT = "does not answer: `gesture-bot servos scan` finds servos with other IDs and baud rates"
+
+SHUTDOWN = 1 << 2 | 1 << 4 | 1 << 5
+"""Shutdown (63): torque goes off when the servo is too hot, gets an electrical shock, or is overloaded."""
+
+NO_SECOND_ID = 253
+"""Secondary(Shadow) ID (12): from here on, there is none."""
+
+WATCHDOG_FIRMWARE = 38
+"""The first firmware with Bus Watchdog (98)."""
+
+MARGIN = math.radians(5.0)
+"""Position limits lie so far outside the joint's range [rad]: a joint that hangs against its stop may stand a
+little beyond it, and the goal must be there when torque comes on."""
+
+TURN = 4095
+"""Last position of the turn that position control has [ticks]."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A register that is not as it should be.
+
+    Attributes:
+        register: Its name.
+        value: What it holds.
+        wanted: What it should hold.
+    """
+
+    register: str
+    value: int
+    wanted: int
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What was found out about one servo.
+
+    Attributes:
+        servo: Its row of the servo table.
+        firmware: Firmware version, 0 where it does not answer.
+        changes: Registers that should hold something else.
+        problems: What no register can put right, for people.
+    """
+
+    servo: ServoEntry
+    firmware: int = 0
+    changes: tuple[Change, ...] = ()
+    problems: tuple[str, ...] = ()
+
+
+def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
+    """Compare a servo with what the robot needs.
+
+    Raises:
+        BusError: It answers, and then stops to.
+    """
+    if not bus.is_clear(servo.id):
+        return Inspection(servo, problems=(SHARED if servo.id in bus.scan() else SILENT,))
+    number, firmware = bus.read(servo.id, "Model Number"), bus.read(servo.id, "Firmware Version")
+    if number != find_model(servo.model).number:
+        return Inspection(servo, firmware, problems=(f"is of the model {model_name(number)}",))
+    problems = [f"reports {error}" for error in hardware_errors(bus.read(servo.id, "Hardware Error Status"))]
+    if firmware < WATCHDOG_FIRMWARE:
+        problems.append(f"has no watchdog: it comes with firmware {WATCHDOG_FIRMWARE}. Update it")
+    homing = read_homing(bus, servo.id)
+    if abs(homing) > HOMING_RANGE:
+        problems.append(f"ignores its Homing Offset of {homing}, more than {HOMING_RANGE}: calibrate it")
+    lowest, highest = joint_ends(robot, servo)
+    if lowest < 0 or highest > TURN:
+        problems.append(f"turns from 0 to {TURN}; the joint needs {lowest} to {highest}: change its offset")
+    elif not fits_turn(robot, servo, homing):
+        problems.append(f"passes the end of its turn within the joint's range, at Homing Offset {homing}")
+    changes = []
+    for register, wanted in _wanted(bus, robot, servo).items():
+        value = bus.read(servo.id, register)
+        if value != wanted:
+            changes.append(Change(register, value, wanted))
+    return Inspection(servo, firmware, tuple(changes), tuple(problems))
+
+
+def apply(bus: Bus, servo: ServoEntry, changes: Iterable[Change]) -> None:
+    """Make changes to a servo, whose torque must be off, and see that they are made.
+
+    Raises:
+        BusError: The servo does not answer, or refuses.
+    """
+    for change in changes:
+        bus.write(servo.id, change.register, change.wanted)
+        if (value := bus.read(servo.id, change.register)) != change.wanted:
+            raise BusError(f"servo {servo.id} of {servo.joint} keeps {change.register} at", value)
+
+
+def with_torque(bus: Bus, ids: Iterable[int]) -> list[int]:
+    """Those of some servos that have torque on; one that does not answer has not.
+
+    While torque is on, the EEPROM registers (below 64) cannot be written.
+    """
+    torque = REGISTERS["Torque Enable"]
+    return [servo_id for servo_id in ids if any(bus.try_read(servo_id, torque.address, torque.size))]
+
+
+def read_homing(bus: Bus, servo_id: int) -> int:
+    """Homing Offset (20) of a servo [ticks]: position = that of the encoder + this.
+
+    Raises:
+        BusError: It does not answer.
+    """
+    return signed(bus.read(servo_id, "Homing Offset"), REGISTERS["Homing Offset"].size)
+
+
+def joint_ends(robot: Robot, servo: ServoEntry) -> tuple[int, int]:
+    """Least and largest position of a servo within its joint's range [ticks]."""
+    joint = robot.joints.index(servo.joint)
+    table = ServoTable(robot)
+    lower, upper = (int(table.ticks(ends)[joint]) for ends in (robot.limits.lower, robot.limits.upper))
+    return min(lower, upper), max(lower, upper)
+
+
+def fits_turn(robot: Robot, servo: ServoEntry, homing: int) -> bool:
+    """Whether the encoder stays within its turn over the joint's whole range, with a Homing Offset [ticks].
+
+    Otherwise, where the servo is switched on beyond the end, its position is a turn off.
+    """
+    lowest, highest = joint_ends(robot, servo)
+    return homing <= lowest and highest - homing <= TURN
+
+
+def _wanted(bus: Bus, robot: Robot, servo: ServoEntry) -> dict[str, int]:
+    """What the registers of a servo should hold."""
+    lowest, highest = joint_ends(robot, servo)
+    margin = round(MARGIN * TICKS_PER_RADIAN)
+    fastest = math.ceil(robot.limits.velocity[robot.joints.index(servo.joint)] / VELOCITY_UNIT)
+    return {
+        **SETTINGS,
+        "Secondary(Shadow) ID": max(bus.read(servo.id, "Secondary(Shadow) ID"), NO_SECOND_ID),
+        "Shutdown": bus.read(servo.id, "Shutdown") | SHUTDOWN,
+        "Velocity Limit": max(bus.read(servo.id, "Velocity Limit"), fastest),
+        "Min Position Limit": min(max(lowest - margin, 0), TURN),
+        "Max Position Limit": max(min(highest + margin, TURN), 0),
+    }

@@ -1,0 +1,132 @@
+"""Looking after the servos while the robot moves: who is out of service, and bringing them back."""
+
+import itertools
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from gesture_bot.base.errors import BusError, PortError
+from gesture_bot.retarget.robot import Robot
+from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.health import Health, Heat, read_health
+from gesture_bot.servo.models import WATCHDOG_UNIT, find_model
+from gesture_bot.servo.preparation import setting_up
+from gesture_bot.servo.present import PresentReader
+
+HEALTH_PERIOD = 0.1
+"""Time from looking after one servo to looking after the next [s]."""
+
+NO_ANSWER = "does not answer"
+HOT = "is hot"
+
+
+class Upkeep:
+    """Takes at most a few packets a tick: it asks a servo how it is, or goes on setting one up.
+
+    A servo is out of service while it does not answer, reports an error, has been reset, or is off to cool.
+    Once nothing speaks against it, it is set up again, and its joint starts from where it is.
+
+    Args:
+        bus: The bus.
+        robot: Whose servos they are; all are set up.
+        reader: Knows who answers.
+
+    Attributes:
+        health: Health by joint, each as it was last told.
+        heat: What the temperatures let the joints do.
+        out: (j,) which joints are out of service.
+        reasons: Why, by joint.
+    """
+
+    def __init__(self, bus: Bus, robot: Robot, reader: PresentReader):
+        self.health: dict[str, Health] = {}
+        self.heat = Heat(robot.bus, len(robot.servos))
+        self.out = np.zeros(len(robot.servos), bool)
+        self.reasons: dict[str, str] = {}
+        self._bus = bus
+        self._robot = robot
+        self._reader = reader
+        self._models = [find_model(servo.model) for servo in robot.servos]
+        self._turns = self._take_turns()
+        self._next = 0.0
+        self._joint = 0
+        self._steps: Iterator[None] = iter(())
+        self._ready: set[int] = set()
+
+    def step(self, now: float) -> None:
+        """Do the next bit of work [s].
+
+        Raises:
+            PortError: The port has vanished.
+        """
+        try:
+            next(self._steps)
+        except StopIteration:
+            if now >= self._next:
+                self._next = now + HEALTH_PERIOD
+                self._ask(next(self._turns))
+        except PortError:
+            raise
+        except BusError:  # it has fallen silent again; its next turn comes
+            self._steps = iter(())
+
+    def heed(self) -> np.ndarray:
+        """After a cycle, see who has fallen silent; returns (j,) who is back in service from now on."""
+        silent = self._reader.silent
+        for joint, servo in enumerate(self._robot.servos):
+            if servo.id in silent:
+                self._ready.discard(joint)
+                self._put_out(joint, NO_ANSWER)
+        back = np.zeros(len(self.out), bool)
+        for joint in [joint for joint in self._ready if self._reader.fresh[joint]]:
+            self._ready.discard(joint)
+            self.out[joint], back[joint] = False, True
+            del self.reasons[self._robot.joints[joint]]
+        return back
+
+    def look_at(self, joint: int, now: float) -> None:
+        """Ask this one in the next tick: something is odd about its joint."""
+        self._turns = itertools.chain([joint], self._turns)
+        self._next = now
+
+    def switch_off(self, joint: int) -> None:
+        """Let a hot servo cool, without torque."""
+        with suppress(BusError):  # one that does not answer is noticed by the reader
+            self._bus.write(self._robot.servos[joint].id, "Torque Enable", 0)
+            self._put_out(joint, HOT)
+
+    def _put_out(self, joint: int, reason: str) -> None:
+        self.out[joint] = True
+        self.reasons[self._robot.joints[joint]] = reason
+
+    def _take_turns(self) -> Iterator[int]:
+        """Each in turn; between two turns one that is out, since it may be back."""
+        for turn in itertools.count():
+            yield turn % len(self.out)
+            out = np.flatnonzero(self.out)
+            if len(out):
+                yield int(out[turn % len(out)])
+
+    def _ask(self, joint: int) -> None:
+        servo = self._robot.servos[joint]
+        health = read_health(self._bus, servo.id, self._models[joint])
+        if health is None:
+            return
+        self.health[servo.joint] = health
+        self.heat.feel(joint, health.temperature)
+        if joint in self._ready:
+            return
+        if health.trouble and not (self.out[joint] and self.heat.hot[joint] and not health.errors):
+            self._put_out(joint, health.trouble)
+        if self.out[joint] and not health.errors and not self.heat.hot[joint]:
+            self._joint = joint
+            self._steps = self._bring_back(joint)
+
+    def _bring_back(self, joint: int) -> Iterator[None]:
+        servo = self._robot.servos[joint]
+        yield from setting_up(self._bus, self._robot, servo)
+        yield
+        self._bus.write(servo.id, "Bus Watchdog", round(self._robot.bus.watchdog_ms / 1000 / WATCHDOG_UNIT))
+        self._reader.heard(servo.id)
+        self._ready.add(joint)
