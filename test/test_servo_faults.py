@@ -148,3 +148,20 @@ def test_a_port_is_opened_again_when_its_path_is_back(tmp_path):
         assert driver.status.ports_lost == 1
         assert wire.servos[ROBOT.servos[ELBOW].id].get("Torque Enable") == 1
         driver.close()
+
+
+def test_a_hot_joint_goes_to_rest_before_its_torque_goes_off(wire):
+    driver = started(wire, on_fault="carry_on")
+    driver.set_trajectory(swing(1.0, 0.2))
+    list(ticks(driver, 2.0))
+    servo = wire.servos[ROBOT.servos[ELBOW].id]
+    servo.temperature = 71.0
+    path = [
+        (feedback.positions[ELBOW], servo.get("Torque Enable"))
+        for _, feedback in ticks(driver, 4.0, T0 + 2.0)
+    ]
+    positions, torque = np.array(path).T
+    assert positions[0] > ROBOT.rest[ELBOW] + 0.5
+    assert positions[torque == 1][-1] == pytest.approx(ROBOT.rest[ELBOW], abs=0.03)
+    assert torque[-1] == 0
+    assert driver.status.out == {"left_elbow": "is hot"}
