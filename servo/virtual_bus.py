@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from gesture_bot.base.errors import BusError, GestureBotError
+from gesture_bot.servo.fault_words import read_faults, set_faults
 from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
@@ -58,22 +59,25 @@ def open_pseudo_terminal() -> tuple[int, str]:
     return servos_end, os.ttyname(controllers_end)
 
 
-def serve(wire: VirtualWire, servos_end: int, stop: int, baudrate: int) -> None:
-    """Answer packets in real time until the file descriptor `stop` has something to read, or ends.
+def serve(wire: VirtualWire, servos_end: int, commands: int, baudrate: int) -> None:
+    """Answer packets in real time until the file descriptor `commands` ends; its lines set faults.
 
     Each byte, either way, takes its time on the wire, and the wire carries one at a time.
     """
     byte_time = BITS / baudrate
     last = free = time.monotonic()
     while True:
-        readable, _, _ = select.select([servos_end, stop], [], [], 10 * LONGEST_STEP)
+        readable, _, _ = select.select([servos_end, commands], [], [], 10 * LONGEST_STEP)
         now = time.monotonic()
         while last < now:
             step = min(now - last, LONGEST_STEP)
             wire.advance(step)
             last += step
-        if stop in readable:
-            return
+        if commands in readable:
+            lines = os.read(commands, 4096).decode()
+            if not lines:
+                return
+            set_faults(wire, lines.splitlines()[-1])
         if servos_end in readable:
             packets = os.read(servos_end, 4096)
             answers = wire.receive(packets)
@@ -98,6 +102,7 @@ class VirtualBus:
     port: str
 
     def __init__(self, robot: "Robot"):
+        self._ids = [row.id for row in robot.servos]
         self._setup = {
             "baudrate": robot.bus.baudrate,
             "servos": [asdict(spec) for spec in servo_specs(robot)],
@@ -119,6 +124,16 @@ class VirtualBus:
         if not self.port:
             raise BusError("the virtual bus did not start")
         return self
+
+    def inject(self, faults: str) -> None:
+        """Let exactly these faults be in force, in words as `fault_words.read_faults` takes; "" is none.
+
+        Raises:
+            InvalidValueError: A word is no fault, or its value does not fit.
+        """
+        read_faults(faults, self._ids)
+        assert self._process.stdin
+        print(faults, file=self._process.stdin, flush=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
