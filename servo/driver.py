@@ -207,8 +207,7 @@ class Driver:
         following.compare(
             self._envelope.positions.copy(), measured, efforts, ~upkeep.out & self._reader.fresh, now
         )
-        for joint in np.flatnonzero(following.limp):
-            upkeep.look_at(int(joint), now)
+        upkeep.odd = following.limp
         rested = np.abs(self._envelope.positions - self._robot.rest) < AT_REST
         for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
             upkeep.switch_off(int(joint))
