@@ -72,11 +72,13 @@ def measure(seconds: float) -> dict[str, object]:
         driver.set_trajectory(swing(robot, time.time(), seconds))
         process = psutil.Process()
         busy, began = sum(process.cpu_times()[:2]), time.monotonic()
-        asked = []
+        asked, took = [], []
         due = began
         for _ in tqdm(range(round(seconds * RATE)), unit="cycle"):
             time.sleep(max(0.0, due - time.monotonic()))
+            tick = time.monotonic()
             asked.append(driver.tick(time.time()).stamp)
+            took.append(1000 * (time.monotonic() - tick))
             due = max(due + 1.0 / RATE, time.monotonic())
         wall = time.monotonic() - began
         busy = sum(process.cpu_times()[:2]) - busy
@@ -88,6 +90,7 @@ def measure(seconds: float) -> dict[str, object]:
         "baudrate": BAUDRATE,
         "rate_hz": round(len(asked) / wall, 2),
         "period_error_ms": {f"p{p}": round(float(np.percentile(error, p)), 3) for p in (50, 95, 99, 100)},
+        "tick_ms": {f"p{p}": round(float(np.percentile(took, p)), 3) for p in (50, 99)},
         "late_cycles": status.late_cycles,
         "read_failures": status.read_failures,
         "silent": list(status.out),

@@ -136,6 +136,7 @@ class Fault:
         within: It must do so in this time [s].
         taken: These joints must stand while it lasts.
         stops: Whether the others stop, too, where the robot's file says so. They carry on otherwise.
+        lasting: How long it lasts [s]; what the joints do meanwhile is looked at if that is over SETTLING.
     """
 
     duty: str
@@ -145,6 +146,7 @@ class Fault:
     within: float
     taken: slice
     stops: bool = False
+    lasting: float = LASTING
 
 
 @dataclass(frozen=True)
@@ -240,6 +242,7 @@ FAULTS = {
         lambda status: len(status.out) > 0,
         1.5,
         NOBODY,
+        lasting=0.0,
     ),
     "stuck joint": Fault(
         "its goal goes to where it is, and is tried again slowly every 2 s; the others carry on",
@@ -299,29 +302,30 @@ def try_fault(robot: Robot, name: str, on_fault: str = "stop") -> Outcome:
     failures = ["the joints did not follow before it"] if trial.off_plan().max() > NEAR else []
     fault.begin(trial)
     begun, seconds, path = trial.elapsed, np.inf, [trial.state()]
-    while trial.elapsed < begun + LASTING:
-        path.append(_tick(trial))
+
+    def cycle() -> None:
+        nonlocal seconds
+        with suppress(BusError):  # the node, too, goes on when the port has vanished
+            trial.tick()
+        path.append(trial.state())
         if seconds == np.inf and fault.noticed(trial.driver.status):
             seconds = trial.elapsed - begun
-    if seconds > fault.within:
-        failures.append(f"it was not told of within {fault.within:g} s")
-    moved = np.ptp([state[1:] for state in path if state[0] > begun + SETTLING], axis=0)
-    stands = np.zeros(len(moved), bool)
-    stands[ALL if fault.stops and on_fault == "stop" else fault.taken] = True
-    joints = np.array(robot.joints)
-    failures += [f"{joint} moved" for joint in joints[stands & (moved > STANDING)]]
-    failures += [
-        f"{joint} did not carry on"
-        for joint in joints[~stands & (moved < 0.8 * np.ptp(trial.plan.positions, axis=0))]
-    ]
+
+    while trial.elapsed < begun + fault.lasting:
+        cycle()
+    if fault.lasting > SETTLING:
+        stands = ALL if fault.stops and on_fault == "stop" else fault.taken
+        failures += _undone(trial, np.array([state for state in path if state[0] > begun + SETTLING]), stands)
     fault.end(trial)
     ended = followed = trial.elapsed
     while trial.elapsed < min(followed + FOLLOWED, ended + AFTER):
-        path.append(_tick(trial))
+        cycle()
         if trial.off_plan().max() > NEAR:
             followed = trial.elapsed
     if trial.elapsed < followed + FOLLOWED:
         failures.append(f"the joints did not follow again within {AFTER:g} s")
+    if seconds > fault.within:
+        failures.append(f"it was not told of within {fault.within:g} s")
     steps = np.diff(path, axis=0)
     fastest = float(np.max(np.abs(steps[:, 1:]) / np.maximum(steps[:, :1], 1e-3) / robot.limits.velocity))
     if fastest > 1.05:
@@ -329,8 +333,13 @@ def try_fault(robot: Robot, name: str, on_fault: str = "stop") -> Outcome:
     return Outcome(tuple(failures), seconds, followed - ended, fastest)
 
 
-def _tick(trial: Trial) -> np.ndarray:
-    """A cycle; the node, too, goes on when the port has vanished. Returns the trial's state."""
-    with suppress(BusError):
-        trial.tick()
-    return trial.state()
+def _undone(trial: Trial, states: np.ndarray, stands: slice) -> list[str]:
+    """Which joints moved that must stand, or stood that must carry on."""
+    joints, moved = np.array(trial.robot.joints), np.ptp(states[:, 1:], axis=0)
+    must_stand = np.zeros(len(joints), bool)
+    must_stand[stands] = True
+    stood = moved < 0.8 * np.ptp(trial.plan.positions, axis=0)
+    return [
+        *(f"{joint} moved" for joint in joints[must_stand & (moved > STANDING)]),
+        *(f"{joint} did not carry on" for joint in joints[~must_stand & stood]),
+    ]

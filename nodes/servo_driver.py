@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from gesture_bot.base.errors import BusError
+from gesture_bot.base.errors import BusError, InvalidValueError
 from gesture_bot.evaluate.lag import SHIFTS, motion_lag
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, stamp
-from gesture_bot.retarget.robot import load_robot
+from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.status import Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
@@ -42,7 +44,7 @@ class ServoDriver(GestureNode):
         self._states = self.create_publisher(JointState, "joint_states", PLAN)
         self._resources = ExitStack()
         if port == "virtual":
-            port = self._resources.enter_context(VirtualBus(robot)).port
+            port = self._virtual_bus(robot).port
         self._driver = Driver(robot, port, rate)
         self._driver.start()
         self._period = 1.0 / rate
@@ -66,6 +68,24 @@ class ServoDriver(GestureNode):
             self.get_logger().error(str(error))
         self._resources.close()
         super().destroy_node()
+
+    def _virtual_bus(self, robot: Robot) -> VirtualBus:
+        """A virtual bus, whose faults are a parameter that may be set at any time."""
+        bus = self._resources.enter_context(VirtualBus(robot))
+        description = "Faults of the virtual bus, such as 'bit_noise=0.01 silent=14,15'; '' is none"
+        self.declare_parameter("virtual_fault", "", ParameterDescriptor(description=description))
+
+        def take(parameters: list[Parameter]) -> SetParametersResult:
+            try:
+                for parameter in parameters:
+                    if parameter.name == "virtual_fault":
+                        bus.inject(parameter.value)
+            except InvalidValueError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.add_on_set_parameters_callback(take)
+        return bus
 
     def _run(self) -> None:
         due = time.monotonic()

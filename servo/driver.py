@@ -27,8 +27,8 @@ HALF_LIFE = 0.05
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""
 
-AT_REST = 0.02
-"""A hot joint this close to its rest position is switched off [rad]."""
+AT_REST = 1e-3
+"""A hot joint that was sent this close to its rest position is switched off [rad]."""
 
 REOPEN_PERIOD = 0.5
 """Time from one try to open a port that has vanished to the next [s]."""
@@ -208,8 +208,7 @@ class Driver:
         following.compare(
             self._envelope.positions.copy(), measured, efforts, ~upkeep.out & self._reader.fresh, now
         )
-        for joint in np.flatnonzero(following.limp):
-            upkeep.look_at(int(joint), now)
+        upkeep.odd = following.limp
         rested = np.abs(self._envelope.positions - self._robot.rest) < AT_REST
         for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
             upkeep.switch_off(int(joint))

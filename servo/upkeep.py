@@ -37,6 +37,7 @@ class Upkeep:
         heat: What the temperatures let the joints do.
         out: (j,) which joints are out of service.
         reasons: Why, by joint.
+        odd: (j,) joints that do not go where they are sent; set by the owner, they are asked soon.
     """
 
     def __init__(self, bus: Bus, robot: Robot, reader: PresentReader):
@@ -44,13 +45,13 @@ class Upkeep:
         self.heat = Heat(robot.bus, len(robot.servos))
         self.out = np.zeros(len(robot.servos), bool)
         self.reasons: dict[str, str] = {}
+        self.odd = np.zeros(len(robot.servos), bool)
         self._bus = bus
         self._robot = robot
         self._reader = reader
         self._models = [find_model(servo.model) for servo in robot.servos]
         self._turns = self._take_turns()
         self._next = 0.0
-        self._joint = 0
         self._steps: Iterator[None] = iter(())
         self._ready: set[int] = set()
 
@@ -85,11 +86,6 @@ class Upkeep:
             del self.reasons[self._robot.joints[joint]]
         return back
 
-    def look_at(self, joint: int, now: float) -> None:
-        """Ask this one in the next tick: something is odd about its joint."""
-        self._turns = itertools.chain([joint], self._turns)
-        self._next = now
-
     def switch_off(self, joint: int) -> None:
         """Let a hot servo cool, without torque."""
         with suppress(BusError):  # one that does not answer is noticed by the reader
@@ -101,12 +97,12 @@ class Upkeep:
         self.reasons[self._robot.joints[joint]] = reason
 
     def _take_turns(self) -> Iterator[int]:
-        """Each in turn; between two turns one that is out, since it may be back."""
+        """Each in turn; between two turns one that is out, since it may be back, or whose joint is odd."""
         for turn in itertools.count():
             yield turn % len(self.out)
-            out = np.flatnonzero(self.out)
-            if len(out):
-                yield int(out[turn % len(out)])
+            special = np.flatnonzero(self.out | self.odd)
+            if len(special):
+                yield int(special[turn % len(special)])
 
     def _ask(self, joint: int) -> None:
         servo = self._robot.servos[joint]
@@ -120,7 +116,6 @@ class Upkeep:
         if health.trouble and not (self.out[joint] and self.heat.hot[joint] and not health.errors):
             self._put_out(joint, health.trouble)
         if self.out[joint] and not health.errors and not self.heat.hot[joint]:
-            self._joint = joint
             self._steps = self._bring_back(joint)
 
     def _bring_back(self, joint: int) -> Iterator[None]:

@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from gesture_bot.base.errors import BusError, GestureBotError, RobotError
+from gesture_bot.servo.fault_words import read_faults, set_faults
 from gesture_bot.servo.models import BAUD_RATES, CENTRE, TICKS_PER_RADIAN, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from gesture_bot.retarget.robot import Robot
 
 CHILD = "-"
-"""In place of a robot: the baud rate and the servos come as JSON on the standard input."""
+"""In place of a robot: the servos come as JSON on the standard input."""
 
 BITS = 10
 """A byte on the wire has a start and a stop bit."""
@@ -69,27 +70,30 @@ def open_pseudo_terminal() -> tuple[int, str]:
     return servos_end, os.ttyname(controllers_end)
 
 
-def serve(wire: VirtualWire, servos_end: int, stop: int, baudrate: int) -> None:
-    """Answer packets in real time until the file descriptor `stop` has something to read, or ends.
+def serve(wire: VirtualWire, servos_end: int, commands: int) -> None:
+    """Answer packets in real time until the file descriptor `commands` ends; its lines set faults.
 
     Each byte, either way, takes its time on the wire, and the wire carries one at a time.
     """
-    byte_time = BITS / baudrate
     last = free = time.monotonic()
     while True:
-        readable, _, _ = select.select([servos_end, stop], [], [], 10 * LONGEST_STEP)
+        readable, _, _ = select.select([servos_end, commands], [], [], 10 * LONGEST_STEP)
         now = time.monotonic()
         while last < now:
             step = min(now - last, LONGEST_STEP)
             wire.advance(step)
             last += step
-        if stop in readable:
-            return
+        if commands in readable:
+            lines = os.read(commands, 4096).decode()
+            if not lines:
+                return
+            set_faults(wire, lines.splitlines()[-1])
         if servos_end in readable:
             _, _, _, _, speed, _, _ = termios.tcgetattr(servos_end)
             wire.baudrate = SPEEDS.get(speed)
             packets = os.read(servos_end, 4096)
             answers = wire.receive(packets)
+            byte_time = BITS / wire.baudrate if wire.baudrate else 0.0
             free = max(free, now) + byte_time * (len(packets) + len(answers))
             if answers:  # what nobody answers only makes the next bytes wait
                 time.sleep(max(free - time.monotonic(), 0.0))
@@ -111,10 +115,8 @@ class VirtualBus:
     port: str
 
     def __init__(self, robot: "Robot"):
-        self._setup = {
-            "baudrate": robot.bus.baudrate,
-            "servos": [asdict(spec) for spec in servo_specs(robot)],
-        }
+        self._ids = [row.id for row in robot.servos]
+        self._specs = servo_specs(robot)
 
     def __enter__(self) -> "VirtualBus":
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
@@ -127,11 +129,21 @@ class VirtualBus:
             start_new_session=True,
         )
         assert self._process.stdin and self._process.stdout
-        print(json.dumps(self._setup), file=self._process.stdin, flush=True)
+        print(json.dumps([asdict(spec) for spec in self._specs]), file=self._process.stdin, flush=True)
         self.port = self._process.stdout.readline().strip()
         if not self.port:
             raise BusError("the virtual bus did not start")
         return self
+
+    def inject(self, faults: str) -> None:
+        """Let exactly these faults be in force, in words as `fault_words.read_faults` takes; "" is none.
+
+        Raises:
+            InvalidValueError: A word is no fault, or its value does not fit.
+        """
+        read_faults(faults, self._ids)
+        assert self._process.stdin
+        print(faults, file=self._process.stdin, flush=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
@@ -143,11 +155,10 @@ class VirtualBus:
 
 
 def _child() -> None:
-    setup = json.loads(sys.stdin.readline())
-    specs = [ServoSpec(**row) for row in setup["servos"]]
+    specs = [ServoSpec(**row) for row in json.loads(sys.stdin.readline())]
     servos_end, port = open_pseudo_terminal()
     print(port, flush=True)
-    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno(), setup["baudrate"])
+    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno())
 
 
 def main() -> None:

@@ -102,6 +102,7 @@ def test_a_urdf_that_is_no_tree_is_refused(tmp_path):
     ("sections", "message"),
     [
         ({"bus": {"on_exit": "explode"}}, "bus.on_exit.*rest_then_off.*explode"),
+        ({"bus": {"warm_degc": 70.0}}, "warm_degc 70 must be below hot_degc 68"),
         ({"bus": {"watchdog_ms": 30}}, "bus.watchdog_ms.*multiple of 20"),
         ({"mapping": {"torso": None}}, "mapping.torso"),
         ({"joints": {"head_tilt": {"id": 31, "model": "X"}}}, "joints.head_tilt.direction"),

@@ -18,6 +18,7 @@ from dynamixel_sdk.protocol2_packet_handler import (
     ERRNUM_INSTRUCTION,
 )
 
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
@@ -79,6 +80,31 @@ def test_the_sdk_finds_the_servos_of_a_robot_on_the_pseudo_terminal():
         assert SDK.ping(port, robot.servos[0].id)[1] == COMM_SUCCESS
         port.closePort()
     assert not os.path.exists(bus.port)
+
+
+def test_faults_of_a_running_bus_are_set_in_words_and_taken_back():
+    robot = load_robot("toa")
+    with VirtualBus(robot) as bus:
+        port = PortHandler(bus.port)
+        assert port.openPort()
+
+        def answers(servo_id):
+            return any(SDK.ping(port, servo_id)[1] == COMM_SUCCESS for _ in range(3))
+
+        bus.inject("silent=14 unplugged=21,22")
+        deadline = time.monotonic() + 3
+        while answers(14) and time.monotonic() < deadline:
+            pass
+        assert [answers(servo_id) for servo_id in (11, 14, 21, 22)] == [True, False, False, False]
+        bus.inject("")
+        while not answers(14) and time.monotonic() < deadline:
+            pass
+        assert answers(14) and answers(21)
+        with pytest.raises(InvalidValueError, match="'rain'; valid: bit_noise, lost_replies, silent"):
+            bus.inject("rain=1")
+        with pytest.raises(InvalidValueError, match="ID: 99; valid: 11, 12"):
+            bus.inject("stuck=99")
+        port.closePort()
 
 
 def test_the_bus_dies_with_its_parent():
