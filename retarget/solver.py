@@ -75,7 +75,7 @@ class DirectionSolver:
         """
         angles = previous
         for _ in range(ITERATIONS):
-            current, jacobian = self._linearise(angles)
+            current, jacobian = self.linearise(angles)
             weighted = jacobian.T * _ROW_WEIGHTS
             hessian = weighted @ jacobian + (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
             gradient = (
@@ -90,10 +90,10 @@ class DirectionSolver:
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
         """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
-        return self._linearise(angles)[0]
+        return self.linearise(angles)[0]
 
-    def _linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives."""
+    def linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The robot's (7, 3) directions at (j,) angles [rad], in its torso's frame, and their (21, j) derivatives."""
         data = self._kinematics.data
         self._kinematics.place(angles)
         mujoco.mj_comPos(self._kinematics.model, data)
