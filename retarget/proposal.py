@@ -42,6 +42,9 @@ _TO_ZERO = 0.05
 _REACH = 0.2
 """Weight of what the poses of `reach` miss beside what the rest pose misses."""
 
+_BENT = 10.0
+"""Weight of angles far from zero beside that [degrees^2/rad^2]."""
+
 
 def propose(name: str, urdf: str, path: str) -> RobotDescription:
     """Find a body in a URDF, and let its arms hang down.
@@ -66,8 +69,11 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     first = RobotDescription(
         urdf=path, mapping=_mapping(body, [(0.0, 0.0, 1.0)] * 2, (1.0, 0.0, 0.0)), joints=joints, bus=bus
     )
-    rest = _rest(name, urdf, first)
-    joints = {joint: row.model_copy(update={"rest": rest[joint]}) for joint, row in joints.items()}
+    rest = _rest(assemble(name, urdf, first), body).tolist()
+    joints = {
+        joint: row.model_copy(update={"rest": angle})
+        for (joint, row), angle in zip(joints.items(), rest, strict=True)
+    }
     hanging = first.model_copy(update={"joints": joints})
     kinematics = Kinematics(assemble(name, urdf, hanging))
     torso = kinematics.rotation(body.torso) @ first.mapping.torso_axes()
@@ -134,31 +140,32 @@ def _joints(urdf: str, body: Body) -> dict[str, Joint]:
     return rows
 
 
-def _rest(name: str, urdf: str, description: RobotDescription) -> dict[str, float]:
-    """Angles at which the arms hang, a little bent, off the body [rad].
+def _rest(robot: Robot, body: Body) -> np.ndarray:
+    """(j,) angles at which the arms hang, a little bent, off the body [rad].
 
-    Often several ways lead there, with the elbow turned in or out. What speakers do has to be in reach.
+    Often several ways lead there, with the elbow turned in or out. Each arm takes the one from which what
+    speakers do is best in reach, and of which both keep clear of the robot.
     """
-    robot = assemble(name, urdf, description)
     solver, clearance = DirectionSolver(robot), Clearance(robot)
-    ways: list[np.ndarray] = []
-    for spread in SPREADS:
-        ways += _hanging(solver, robot, spread)
-        clear = [angles for angles in ways if clearance.nearest(angles).distance >= KEPT]
-        if clear:
-            break
+    ways = np.concatenate([_hanging(solver, robot, spread) for spread in SPREADS])
+    off = np.array([angle_between(solver.reached(way)[BONES], both_arms(HANGING)) for way in ways])
+    poses = np.array([list(misses(replace(robot, rest=way)).values()) for way in ways])
+    missed = (off**2 + _REACH * np.sum(poses**2, axis=1)).reshape(-1, 2, 2).sum(axis=2)
+    arms = [np.isin(robot.joints, arm.joints) for arm in (body.left, body.right)]
+    far = np.stack([np.sum(ways[:, arm] ** 2, axis=1) for arm in arms], axis=1)
+    left, right = (missed + _BENT * far).T
+    rests = []
+    for one, other in sorted(np.ndindex(len(ways), len(ways)), key=lambda pair: left[pair[0]] + right[pair[1]]):
+        rest = np.where(arms[0], ways[one], ways[other])
+        distance = clearance.nearest(rest).distance
+        if distance >= KEPT:
+            return rest
+        rests.append((distance, rest))
+    return max(rests, key=lambda pair: pair[0])[1]
 
-    def worth(angles: np.ndarray) -> float:
-        off = angle_between(solver.reached(angles)[BONES], both_arms(HANGING))
-        poses = misses(replace(robot, rest=angles)).values()
-        return float(np.sum(off**2) + _REACH * np.sum(np.square(list(poses))) + np.sum(angles**2))
 
-    best = min(clear or ways, key=worth)
-    return dict(zip(robot.joints, best.tolist(), strict=True))
-
-
-def _hanging(solver: DirectionSolver, robot: Robot, spread: float) -> list[np.ndarray]:
-    """Ways for the arms to hang: (j,) angles [rad]."""
+def _hanging(solver: DirectionSolver, robot: Robot, spread: float) -> np.ndarray:
+    """(n, j) ways for the arms to hang [rad]."""
     lower, upper = robot.limits.lower, robot.limits.upper
     (x, _, z), forearm = HANGING
     bones = both_arms(((x, spread, z), (forearm[0], spread, forearm[2])))
@@ -176,7 +183,7 @@ def _hanging(solver: DirectionSolver, robot: Robot, spread: float) -> list[np.nd
     random = np.random.default_rng(0)
     starts = [np.clip(robot.rest, *bounds), *random.uniform(*bounds, (_STARTS, len(lower)))]
     found = [least_squares(residuals, start, derivatives, bounds).x.round(2) + 0.0 for start in starts]  # no -0.0
-    return list(np.unique(np.clip(found, lower + 1e-4, upper - 1e-4), axis=0))
+    return np.unique(np.clip(found, lower + 1e-4, upper - 1e-4), axis=0)
 
 
 def _palm(kinematics: Kinematics, arm: ArmLinks, inward: np.ndarray) -> tuple[float, float, float]:

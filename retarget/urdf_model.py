@@ -1,7 +1,7 @@
 """A URDF as a MuJoCo model, whatever its meshes: simple boxes stand for them."""
 
 import xml.etree.ElementTree as ElementTree
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,6 +16,12 @@ _COMPILER = {
     "boundmass": "0.001",
     "boundinertia": "0.000001",
 }
+LIGHTEST = 200.0
+"""No link is lighter than this for its size [kg/m^3]: a box that would be is made smaller."""
+
+_THINNEST = 0.004
+"""Half the least thickness of such a box [m]."""
+
 _COLOR = [0.62, 0.67, 0.72, 1.0]
 
 
@@ -70,17 +76,18 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         ) from error
 
 
-def _add_box(body: "mujoco.MjsBody", compiled: object) -> None:
-    """A box of even density with the mass and inertia of a body."""
-    inertia, mass = compiled.inertia, compiled.mass[0]  # type: ignore[attr-defined]
+def _add_box(body: mujoco.MjsBody, compiled: Any) -> None:
+    """A box of even density with the mass and inertia of a body, which `compiled` is a view of."""
+    mass, inertia = compiled.mass[0], compiled.inertia
     if mass <= float(_COMPILER["boundmass"]):
         return
-    halves = np.sqrt(1.5 / mass * np.maximum(inertia.sum() - 2 * inertia, 1e-9))
+    halves = np.sqrt(np.maximum(1.5 / mass * (inertia.sum() - 2 * inertia), _THINNEST**2))
+    density = mass / (8 * halves.prod())
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=np.maximum(halves, 0.004),
-        pos=compiled.ipos,  # type: ignore[attr-defined]
-        quat=compiled.iquat,  # type: ignore[attr-defined]
+        size=halves * min(1.0, np.cbrt(density / LIGHTEST)),
+        pos=compiled.ipos,
+        quat=compiled.iquat,
         rgba=_COLOR,
         contype=0,
         conaffinity=0,
