@@ -39,7 +39,7 @@ def write_robot_gif(
 ) -> None:
     """Draw a motion of the robot, seen from its front left, in real time.
 
-    The robot's primitive shapes are drawn, boxes for its meshes, or lines from link to link where it has none.
+    Its primitive shapes are drawn, and boxes for its meshes, or lines from link to link where it has neither.
 
     Args:
         path: File to write, ending in .gif.

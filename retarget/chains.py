@@ -20,7 +20,7 @@ ALIKE = 0.05
 """Two chains are a pair if their lengths differ by no more than this share of the whole."""
 
 BENDS = 0.7
-"""A joint bends a limb, and does not roll it, if the cosine of the angle from its axis to the limb is less."""
+"""A joint bends a limb, and does not roll it, if the cosine of the angle between them is less."""
 
 
 @dataclass(frozen=True)
@@ -213,9 +213,9 @@ class _Skeleton:
         """Which of a chain's links are shoulder, elbow and wrist.
 
         The elbow is the joint that has a long way on both sides: the shorter of its distance to the farthest
-        axis before it and of the tip's distance to its own axis is the longest. The shoulder is the last joint
-        before that moves the elbow much, and does not only roll the upper arm. The wrist is the first joint
-        after the elbow that bends, else the last one that is not at the elbow.
+        axis before it and of the tip's distance to its own axis is the longest. The shoulder is the last
+        joint before that moves the elbow much, and does not only roll the upper arm. The wrist is the first
+        joint after the elbow that bends, else the last one that is not at the elbow.
         """
         joints, tip = chain.joints, self._tip(chain)
         anchors = [self._anchor(joint) for joint in joints]

@@ -77,7 +77,9 @@ def _chains(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
             outer, inner = (kinematics.model.body(link).name for link in broken[0])
             yield Finding(check, "bad", f"{outer} does not hang on {inner}")
             continue
-        out = sign * (kinematics.position(arm.shoulder) - kinematics.position(robot.mapping.torso)) @ axes[:, 1]
+        out = (
+            sign * (kinematics.position(arm.shoulder) - kinematics.position(robot.mapping.torso)) @ axes[:, 1]
+        )
         if out <= 0:
             yield Finding(check, "bad", f"{arm.shoulder} is on the other side of {robot.mapping.torso}")
             continue
@@ -102,9 +104,10 @@ def _chains(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
     idle = [joint for joint in robot.joints if joint not in used and joint not in head]
     yield Finding("other joints", "ok", f"kept at rest: {', '.join(idle)}" if idle else "none")
     if len(lengths) == 2:
-        text = ", ".join(f"{name} {left:.3f} and {right:.3f} m" for name, left, right in zip(
-            ("upper arms", "forearms"), *lengths, strict=True
-        ))
+        text = ", ".join(
+            f"{name} {left:.3f} and {right:.3f} m"
+            for name, left, right in zip(("upper arms", "forearms"), *lengths, strict=True)
+        )
         even = np.allclose(*lengths, rtol=0.05)
         yield Finding("lengths", "ok" if even else "look", text)
 
@@ -148,7 +151,9 @@ def _joints_above(kinematics: Kinematics, link: int) -> list[str]:
     """Names of the joints from the base to a link."""
     model = kinematics.model
     owners = _ancestors(kinematics, link)[::-1]
-    return [model.joint(joint).name for owner in owners for joint in np.flatnonzero(model.jnt_bodyid == owner)]
+    return [
+        model.joint(joint).name for owner in owners for joint in np.flatnonzero(model.jnt_bodyid == owner)
+    ]
 
 
 def _state(off: float) -> Literal["ok", "look"]:

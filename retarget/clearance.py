@@ -1,4 +1,4 @@
-"""How far a robot's arms are from the rest of it, by the URDF's simple shapes and the boxes for its meshes."""
+"""How far a robot's arms are from the rest of it, by its simple shapes and the boxes for its meshes."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,8 @@ class Clearance:
             for own, arm in zip(forearms, whole, strict=True)
             for one in geoms
             for other in geoms
-            if owners[one] in own and owners[other] not in arm
+            if owners[one] in own
+            and owners[other] not in arm
             # The pair of both forearms is asked for once.
             and (owners[other] not in forearms[0] or own is not forearms[1])
         ]

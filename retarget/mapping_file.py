@@ -23,8 +23,9 @@ mapping:
 """
 
 _JOINTS = """
-# Per joint: the servo (id, model, direction +1 or -1, offset [rad]: servo angle = direction * joint angle + offset),
-# rest [rad], acceleration limit [rad/s^2]; lower, upper [rad] and velocity [rad/s], if given, narrow the URDF's limits.
+# Per joint: the servo (id, model, direction +1 or -1, offset [rad]: servo angle = direction * joint angle
+# + offset), rest [rad], acceleration limit [rad/s^2]; lower, upper [rad] and velocity [rad/s], if given, narrow
+# the URDF's limits.
 # THE SERVOS ARE MADE UP: they move on the virtual bus. Put in your robot's own before you connect it.
 joints:
 """
@@ -83,7 +84,8 @@ def _arm(name: str, arm: Arm) -> str:
 
 
 def _joint(joint: Joint) -> str:
-    return f"{{{', '.join(f'{key}: {_value(value)}' for key, value in joint.model_dump(exclude_unset=True).items())}}}"
+    given = joint.model_dump(exclude_unset=True)
+    return f"{{{', '.join(f'{key}: {_value(value)}' for key, value in given.items())}}}"
 
 
 def _row(vector: tuple[float, float, float]) -> str:

@@ -61,7 +61,9 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     """
     body = find_body(name, urdf)
     joints = _joints(urdf, body)
-    missing = [side for side, arm in (("left", body.left), ("right", body.right)) if not joints.keys() & arm.joints]
+    missing = [
+        side for side, arm in (("left", body.left), ("right", body.right)) if not joints.keys() & arm.joints
+    ]
     if missing:
         raise RobotError(f"{name} has an arm whose joints have no range", missing[0])
     bus = Bus(baudrate=1_000_000, protocol=2.0, watchdog_ms=200, on_exit="rest_then_off")
@@ -78,14 +80,15 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     kinematics = Kinematics(assemble(name, urdf, hanging))
     torso = kinematics.rotation(body.torso) @ first.mapping.torso_axes()
     palms = [
-        _palm(kinematics, arm, sign * torso[:, 1])
-        for arm, sign in ((body.left, -1.0), (body.right, 1.0))
+        _palm(kinematics, arm, sign * torso[:, 1]) for arm, sign in ((body.left, -1.0), (body.right, 1.0))
     ]
     face = _axis(torso[:, 0] @ kinematics.rotation(body.head))
     return hanging.model_copy(update={"mapping": _mapping(body, palms, face)})
 
 
-def _mapping(body: Body, palms: list[tuple[float, float, float]], face: tuple[float, float, float]) -> Mapping:
+def _mapping(
+    body: Body, palms: list[tuple[float, float, float]], face: tuple[float, float, float]
+) -> Mapping:
     arms = [
         Arm(
             shoulder=arm.shoulder,
@@ -155,7 +158,9 @@ def _rest(robot: Robot, body: Body) -> np.ndarray:
     far = np.stack([np.sum(ways[:, arm] ** 2, axis=1) for arm in arms], axis=1)
     left, right = (missed + _BENT * far).T
     rests = []
-    for one, other in sorted(np.ndindex(len(ways), len(ways)), key=lambda pair: left[pair[0]] + right[pair[1]]):
+    for one, other in sorted(
+        np.ndindex(len(ways), len(ways)), key=lambda pair: left[pair[0]] + right[pair[1]]
+    ):
         rest = np.where(arms[0], ways[one], ways[other])
         distance = clearance.nearest(rest).distance
         if distance >= KEPT:
@@ -182,12 +187,14 @@ def _hanging(solver: DirectionSolver, robot: Robot, spread: float) -> np.ndarray
 
     random = np.random.default_rng(0)
     starts = [np.clip(robot.rest, *bounds), *random.uniform(*bounds, (_STARTS, len(lower)))]
-    found = [least_squares(residuals, start, derivatives, bounds).x.round(2) + 0.0 for start in starts]  # no -0.0
+    found = [
+        least_squares(residuals, start, derivatives, bounds).x.round(2) + 0.0 for start in starts
+    ]  # no -0.0
     return np.unique(np.clip(found, lower + 1e-4, upper - 1e-4), axis=0)
 
 
 def _palm(kinematics: Kinematics, arm: ArmLinks, inward: np.ndarray) -> tuple[float, float, float]:
-    """Out of the palm, across the forearm: to where the fingers close, or else to the body as the arm hangs."""
+    """Out of the palm, across the forearm: to where fingers close, or else to the body as the arm hangs."""
     wrist = kinematics.position(arm.wrist)
     if arm.wrist_at is not None:
         wrist += kinematics.rotation(arm.wrist) @ arm.wrist_at

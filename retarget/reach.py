@@ -9,7 +9,7 @@ BONES = [0, 1, 3, 4]
 """Left upper arm, left forearm, right upper arm, right forearm among DIRECTIONS."""
 
 HANGING = ((0.1, 0.15, -1.0), (0.45, 0.15, -0.9))
-"""Upper arm and forearm of a left arm at rest, in the torso's frame, of any length; the right arm mirrors it."""
+"""Upper arm and forearm of a left arm at rest, in the torso's frame, of any length; the right one mirrors it."""
 
 POSES = {
     "hands before the chest": ((0.3, 0.25, -0.9), (0.85, -0.35, 0.35)),

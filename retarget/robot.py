@@ -134,9 +134,7 @@ def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLi
     return JointLimits(tuple(description.joints), *np.array(rows).T)
 
 
-def _joint_limits(
-    name: str, joint: Joint, element: ElementTree.Element
-) -> tuple[float, float, float, float]:
+def _joint_limits(name: str, joint: Joint, element: ElementTree.Element) -> tuple[float, float, float, float]:
     limit = element.find("limit")
     given = {} if limit is None else dict(limit.attrib)
     if element.get("type") == "continuous":

@@ -93,7 +93,11 @@ class DirectionSolver:
         return self.linearise(angles)[0]
 
     def linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The robot's (7, 3) directions at (j,) angles [rad], in its torso's frame, and their (21, j) derivatives."""
+        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives.
+
+        Args:
+            angles: (j,) [rad].
+        """
         data = self._kinematics.data
         self._kinematics.place(angles)
         mujoco.mj_comPos(self._kinematics.model, data)
