@@ -3,6 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0  # URDFs for the tests; their simulators are not needed
 INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg action config launch
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
@@ -45,4 +46,5 @@ $(VENV)/installed: $(BIN)/python $(SOURCES)
 
 $(VENV)/installed-dev: $(BIN)/python $(SOURCES)
 	$(BIN)/pip install --progress-bar on '.[dev]'
+	$(BIN)/pip install --quiet --no-deps $(ROBOTS)
 	touch $@ $(VENV)/installed

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gesture_bot.retarget.clearance import Clearance
+from gesture_bot.retarget.description import Arm, Mapping
 from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.reach import angle_between, misses
 from gesture_bot.retarget.robot import Robot
@@ -58,71 +59,69 @@ def _limits(robot: Robot) -> Finding:
 
 
 def _chains(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
-    torso = kinematics.link(robot.mapping.torso)
-    axes = kinematics.rotation(robot.mapping.torso) @ robot.mapping.torso_axes()
-    moving = set(robot.joints)
+    mapping, moving = robot.mapping, set(robot.joints)
+    inside = set(_joints_above(kinematics, mapping.torso))
     used: set[str] = set()
-    lengths = []
-    for side, arm, sign in (("left", robot.mapping.left_arm, 1), ("right", robot.mapping.right_arm, -1)):
-        check = f"{side} arm"
-        links = [kinematics.link(link) for link in (arm.shoulder, arm.elbow, arm.wrist, arm.hand)]
-        shoulder, elbow, wrist, hand = links
-        above = {link: _joints_above(kinematics, link) for link in (torso, *links)}
-        broken = [
-            (outer, inner)
-            for outer, inner in ((shoulder, torso), (elbow, shoulder), (wrist, elbow), (hand, elbow))
-            if inner not in _ancestors(kinematics, outer)
-        ]
-        if broken:
-            outer, inner = (kinematics.model.body(link).name for link in broken[0])
-            yield Finding(check, "bad", f"{outer} does not hang on {inner}")
-            continue
-        out = (
-            sign * (kinematics.position(arm.shoulder) - kinematics.position(robot.mapping.torso)) @ axes[:, 1]
-        )
-        if out <= 0:
-            yield Finding(check, "bad", f"{arm.shoulder} is on the other side of {robot.mapping.torso}")
-            continue
-        chain = [joint for joint in above[hand] if joint not in above[torso]]
-        still = [joint for joint in chain if joint not in moving]
-        used |= set(chain)
-        counts = (
-            f"{len([joint for joint in above[part] if joint in moving and joint not in above[root]])} {name}"
-            for root, part, name in ((torso, elbow, "to the elbow"), (elbow, hand, "beyond it"))
-        )
-        text = f"{arm.shoulder} - {arm.elbow} - {arm.wrist}; joints: {', '.join(counts)}"
-        if still:
-            yield Finding(check, "look", f"{text}; not in the table, and held at zero: {', '.join(still)}")
-        else:
-            yield Finding(check, "ok", text)
-        wrist_at = kinematics.position(arm.wrist) + kinematics.rotation(arm.wrist) @ arm.wrist_at
-        points = np.array([kinematics.position(arm.shoulder), kinematics.position(arm.elbow), wrist_at])
-        lengths.append(np.linalg.norm(np.diff(points, axis=0), axis=1))
-    head = _joints_above(kinematics, kinematics.link(robot.mapping.head.link))
-    head = [joint for joint in head if joint in moving and joint not in _joints_above(kinematics, torso)]
-    yield Finding("head", "ok" if head else "look", ", ".join(head) or "no joint turns it; it keeps still")
-    idle = [joint for joint in robot.joints if joint not in used and joint not in head]
+    for side, arm in (("left", mapping.left_arm), ("right", mapping.right_arm)):
+        yield _arm(kinematics, mapping, side, moving)
+        used |= set(_joints_above(kinematics, arm.hand)) - inside
+    neck = [joint for joint in _joints_above(kinematics, mapping.head.link) if joint in moving - inside]
+    yield Finding("head", "ok" if neck else "look", ", ".join(neck) or "no joint turns it; it keeps still")
+    idle = [joint for joint in robot.joints if joint not in used | set(neck)]
     yield Finding("other joints", "ok", f"kept at rest: {', '.join(idle)}" if idle else "none")
-    if len(lengths) == 2:
-        text = ", ".join(
-            f"{name} {left:.3f} and {right:.3f} m"
-            for name, left, right in zip(("upper arms", "forearms"), *lengths, strict=True)
-        )
-        even = np.allclose(*lengths, rtol=0.05)
-        yield Finding("lengths", "ok" if even else "look", text)
+    lengths = [_lengths(kinematics, arm) for arm in (mapping.left_arm, mapping.right_arm)]
+    even = np.allclose(lengths[0], lengths[1], rtol=0.05)
+    text = ", ".join(
+        f"{bone} {left:.3f} and {right:.3f} m"
+        for bone, left, right in zip(("upper arms", "forearms"), *lengths, strict=True)
+    )
+    yield Finding("lengths", "ok" if even else "look", text)
+
+
+def _arm(kinematics: Kinematics, mapping: Mapping, side: str, moving: set[str]) -> Finding:
+    """Whether an arm's links hang on each other, on its side of the torso, and by which joints."""
+    check, arm = f"{side} arm", mapping.left_arm if side == "left" else mapping.right_arm
+    for outer, inner in (
+        (arm.shoulder, mapping.torso),
+        (arm.elbow, arm.shoulder),
+        (arm.wrist, arm.elbow),
+        (arm.hand, arm.elbow),
+    ):
+        if kinematics.link(inner) not in _ancestors(kinematics, outer):
+            return Finding(check, "bad", f"{outer} does not hang on {inner}")
+    leftward = kinematics.rotation(mapping.torso) @ mapping.torso_axes()[:, 1]
+    out = leftward @ (kinematics.position(arm.shoulder) - kinematics.position(mapping.torso))
+    if (out > 0) != (side == "left"):
+        return Finding(check, "bad", f"{arm.shoulder} is on the other side of {mapping.torso}")
+    inside = len(_joints_above(kinematics, mapping.torso))
+    middle = len(_joints_above(kinematics, arm.elbow))
+    joints = _joints_above(kinematics, arm.hand)
+    still = [joint for joint in joints[inside:] if joint not in moving]
+    counts = [len(moving.intersection(part)) for part in (joints[inside:middle], joints[middle:])]
+    text = f"{arm.shoulder}, {arm.elbow}, {arm.wrist}; {counts[0]} joints to the elbow, {counts[1]} beyond it"
+    if still:
+        return Finding(check, "look", f"{text}; not in the table, and held at zero: {', '.join(still)}")
+    return Finding(check, "ok", text)
+
+
+def _lengths(kinematics: Kinematics, arm: Arm) -> np.ndarray:
+    """(2,) of upper arm and forearm [m]."""
+    wrist = kinematics.position(arm.wrist) + kinematics.rotation(arm.wrist) @ arm.wrist_at
+    points = np.array([kinematics.position(arm.shoulder), kinematics.position(arm.elbow), wrist])
+    return np.linalg.norm(np.diff(points, axis=0), axis=1)
 
 
 def _axes(robot: Robot, kinematics: Kinematics, solver: DirectionSolver) -> Iterator[Finding]:
     kinematics.place(robot.rest)
     torso = kinematics.rotation(robot.mapping.torso) @ robot.mapping.torso_axes()
     lean = angle_between(torso[:, 2], np.array([0, 0, 1]))
-    yield Finding("torso", _state(lean), f"leans {lean:.0f} degrees at rest")
+    yield Finding("torso", _state(float(lean)), f"leans {lean:.0f} degrees at rest")
     reached = solver.reached(robot.rest)
     off = angle_between(reached[6], np.array([1, 0, 0]))
-    yield Finding("face", _state(off), f"looks {off:.0f} degrees off the torso's front at rest")
+    yield Finding("face", _state(float(off)), f"looks {off:.0f} degrees off the torso's front at rest")
     along = abs(90 - angle_between(reached[[1, 4]], reached[[2, 5]]))
     text = f"{along[0]:.0f} and {along[1]:.0f} degrees off square to the forearms at rest"
-    yield Finding("palms", _state(along.max()), text)
+    yield Finding("palms", _state(float(along.max())), text)
 
 
 def _rest(robot: Robot) -> Finding:
@@ -139,15 +138,15 @@ def _reach(robot: Robot) -> Iterator[Finding]:
         yield Finding(name, "ok" if off.max() <= SHORT else "look", text)
 
 
-def _ancestors(kinematics: Kinematics, link: int) -> list[int]:
+def _ancestors(kinematics: Kinematics, link: str) -> list[int]:
     """A link and those it hangs on."""
-    found = [link]
+    found = [kinematics.link(link)]
     while found[-1]:
         found.append(int(kinematics.model.body_parentid[found[-1]]))
     return found
 
 
-def _joints_above(kinematics: Kinematics, link: int) -> list[str]:
+def _joints_above(kinematics: Kinematics, link: str) -> list[str]:
     """Names of the joints from the base to a link."""
     model = kinematics.model
     owners = _ancestors(kinematics, link)[::-1]

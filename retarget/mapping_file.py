@@ -24,8 +24,8 @@ mapping:
 
 _JOINTS = """
 # Per joint: the servo (id, model, direction +1 or -1, offset [rad]: servo angle = direction * joint angle
-# + offset), rest [rad], acceleration limit [rad/s^2]; lower, upper [rad] and velocity [rad/s], if given, narrow
-# the URDF's limits.
+# + offset), rest [rad], acceleration limit [rad/s^2]; lower, upper [rad] and velocity [rad/s], if given,
+# narrow the URDF's limits.
 # THE SERVOS ARE MADE UP: they move on the virtual bus. Put in your robot's own before you connect it.
 joints:
 """

@@ -35,7 +35,9 @@ SPREADS = (0.15, 0.3, 0.45, 0.6)
 KEPT = 0.01
 """Least distance of the arms from the rest of the robot in the rest pose [m]."""
 
-_STARTS = 8
+_STARTS = 6
+"""Random poses from which the rest pose is looked for, beside zero."""
+
 _TO_ZERO = 0.05
 """Weight of the distance of the rest pose from zero [1/rad]."""
 
@@ -66,7 +68,7 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     ]
     if missing:
         raise RobotError(f"{name} has an arm whose joints have no range", missing[0])
-    bus = Bus(baudrate=1_000_000, protocol=2.0, watchdog_ms=200, on_exit="rest_then_off")
+    bus = Bus(baudrate=1_000_000, protocol=2.0, lag_ms=0.0, watchdog_ms=200, on_exit="rest_then_off")
     # Any palms do until the arms hang.
     first = RobotDescription(
         urdf=path, mapping=_mapping(body, [(0.0, 0.0, 1.0)] * 2, (1.0, 0.0, 0.0)), joints=joints, bus=bus

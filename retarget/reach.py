@@ -9,7 +9,7 @@ BONES = [0, 1, 3, 4]
 """Left upper arm, left forearm, right upper arm, right forearm among DIRECTIONS."""
 
 HANGING = ((0.1, 0.15, -1.0), (0.45, 0.15, -0.9))
-"""Upper arm and forearm of a left arm at rest, in the torso's frame, of any length; the right one mirrors it."""
+"""Upper arm and forearm of a left arm at rest, in the torso's frame, of any length; the right one mirrors."""
 
 POSES = {
     "hands before the chest": ((0.3, 0.25, -0.9), (0.85, -0.35, 0.35)),
@@ -20,8 +20,11 @@ POSES = {
 }
 """Likewise."""
 
-_SETTLED = 30
-"""Frames after which a held pose is reached."""
+_LONGEST = 30
+"""Frames after which a pose is taken for reached."""
+
+_SETTLED = 0.005
+"""It is, too, when a frame moves no joint by more [rad]."""
 
 
 def both_arms(pose: tuple[tuple[float, float, float], tuple[float, float, float]]) -> np.ndarray:
@@ -43,8 +46,10 @@ def misses(robot: Robot) -> dict[str, np.ndarray]:
         targets = resting.copy()
         targets[BONES] = both_arms(pose)
         angles = robot.rest
-        for _ in range(_SETTLED):
-            angles = solver.solve(targets, angles)
+        for _ in range(_LONGEST):
+            before, angles = angles, solver.solve(targets, angles)
+            if np.abs(angles - before).max() < _SETTLED:
+                break
         out[name] = angle_between(solver.reached(angles), targets)[BONES]
     return out
 
