@@ -10,8 +10,6 @@ from gesture_bot.retarget.robot import Robot
 WEIGHTS = np.array([1.0, 1.0, 0.3, 1.0, 1.0, 0.3, 1.0])
 """Of the squared errors of DIRECTIONS. A palm is to turn the wrist, and hardly to bend the arm."""
 
-_ROW_WEIGHTS = np.repeat(WEIGHTS, 3)
-
 TO_PREVIOUS = 0.02
 """Weight of the squared distance to the angles before [1/rad^2]. It prevents jumps where an angle hardly
 matters: a straight elbow leaves the upper arm's yaw free."""
@@ -57,6 +55,10 @@ class DirectionSolver:
         self._ends = np.array([np.zeros(3), left.wrist_at, np.zeros(3), right.wrist_at])
         self._turned = self._links(left.hand, right.hand, head.link)
         self._axes = np.array([left.palm, right.palm, head.forward])
+        # An arm without a wrist has nothing to turn its palm with but the arm itself.
+        weights = WEIGHTS.copy()
+        weights[[2, 5]] *= [left.hand != left.elbow, right.hand != right.elbow]
+        self._weights = np.repeat(weights, 3)
         self._torso = self._links(robot.mapping.torso)
         self._torso_axes = robot.mapping.torso_axes()
         self._check_bones()
@@ -76,7 +78,7 @@ class DirectionSolver:
         angles = previous
         for _ in range(ITERATIONS):
             current, jacobian = self.linearise(angles)
-            weighted = jacobian.T * _ROW_WEIGHTS
+            weighted = jacobian.T * self._weights
             hessian = weighted @ jacobian + (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
             gradient = (
                 weighted @ (current - targets).ravel()

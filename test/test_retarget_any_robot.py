@@ -125,7 +125,8 @@ def test_both_hands_go_up_when_a_persons_do(robot):
     for arm in (robot.mapping.left_arm, robot.mapping.right_arm):
         wrist = kinematics.position(arm.wrist) + kinematics.rotation(arm.wrist) @ arm.wrist_at
         assert wrist[2] > kinematics.position(arm.elbow)[2]
-    assert max(off.max() for off in misses(robot).values()) < 25
+    # Poppy's palms cannot turn, and do not draw its arms aside.
+    assert max(off.max() for off in misses(robot).values()) < (3 if robot.name == "poppy" else 25)
 
 
 def test_derivatives_are_those_of_the_directions(robot):
