@@ -3,7 +3,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0  # URDFs for the tests; their simulators are not needed
+# URDFs for the tests; the simulators that they depend on are not needed, and example-robot-data adds three more.
+ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0
 INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg action config launch
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
