@@ -3,6 +3,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# URDFs for the tests; the simulators that they depend on are not needed, and example-robot-data adds three more.
+ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0
 INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate msg action config launch
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
@@ -45,4 +47,5 @@ $(VENV)/installed: $(BIN)/python $(SOURCES)
 
 $(VENV)/installed-dev: $(BIN)/python $(SOURCES)
 	$(BIN)/pip install --progress-bar on '.[dev]'
+	$(BIN)/pip install --quiet --no-deps $(ROBOTS)
 	touch $@ $(VENV)/installed

@@ -160,6 +160,27 @@ def _parser() -> argparse.ArgumentParser:
     preview.add_argument("--bank", type=Path, metavar="FILE.yaml", help="bank of your own")
     preview.set_defaults(module="bank_preview")
     _add_servos(commands)
+
+    robot = commands.add_parser("robot", help="make a robot of your own fit, and check it")
+    tasks = robot.add_subparsers(title="what", metavar="WHAT", required=True)
+    add = tasks.add_parser(
+        "add",
+        help="propose a mapping for a robot from its URDF",
+        description="Find torso, arms and head in a URDF, propose how people's motion maps to them and how "
+        "the robot rests, write it to a YAML file for you to correct, and draw the robot so.",
+        epilog="example: gesture-bot robot add robots/nao.urdf -o nao.yaml",
+    )
+    add.add_argument("urdf", type=Path, metavar="URDF", help="URDF file; its meshes need not be there")
+    add.add_argument("-o", "--output", type=Path, metavar="FILE.yaml", help="mapping (URDF's name)")
+    add.set_defaults(module="robot", action="add")
+    check = tasks.add_parser(
+        "check",
+        help="check a robot's mapping",
+        description="Check a robot's limits, chains, axes, rest pose, reach and servo table.",
+    )
+    check.add_argument("robot", metavar="NAME|FILE.yaml", help="robot")
+    check.add_argument("-o", "--output", type=Path, metavar="PICTURE.png", help="draw its rest pose, too")
+    check.set_defaults(module="robot", action="check")
     return parser
 
 

@@ -1,6 +1,7 @@
-"""The robot moving, as an animated GIF, drawn from joint angles by forward kinematics."""
+"""The robot, moving in an animated GIF or still, drawn from joint angles by forward kinematics."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def write_robot_gif(
 ) -> None:
     """Draw a motion of the robot, seen from its front left, in real time.
 
-    The robot's primitive shapes are drawn, or lines from link to link where it has none.
+    Its primitive shapes are drawn, and boxes for its meshes, or lines from link to link where it has neither.
 
     Args:
         path: File to write, ending in .gif.
@@ -63,6 +64,19 @@ def write_robot_gif(
     frames = (frame(i).quantize(palette=palette, dither=Image.Dither.NONE) for i in range(len(moments)))
     with write_whole(path) as temporary:
         next(frames).save(temporary, save_all=True, append_images=frames, duration=10 * delay, loop=0)
+
+
+def write_robot_picture(path: Path, robot: Robot, angles: np.ndarray) -> None:
+    """Draw the robot as it stands, seen from its front left.
+
+    Args:
+        path: File to write, ending in .png.
+        robot: The robot.
+        angles: (j,) joint angles [rad].
+    """
+    image = _Scene(_poses(robot, angles[None])).image(0)
+    with write_whole(path) as temporary:
+        image.save(temporary)
 
 
 class _Scene:
@@ -99,11 +113,18 @@ def _captioned(image: Image.Image, line: str) -> Image.Image:
 def _poses(robot: Robot, angles: np.ndarray) -> list[list[Shape]]:
     """The robot's shapes at each of the (n, j) joint angles."""
     kinematics = Kinematics(robot)
+    x, y, _ = kinematics.rotation(robot.mapping.torso) @ robot.mapping.forward
+    facing = Rotation.from_euler("z", -np.arctan2(y, x)).as_matrix()
     poses = []
     for pose in angles:
         kinematics.place(pose)
-        poses.append(kinematics.shapes() or [_line(*ends) for ends in kinematics.segments()])
+        shapes = kinematics.shapes() or [_line(*ends) for ends in kinematics.segments()]
+        poses.append([_turned(shape, facing) for shape in shapes])
     return poses
+
+
+def _turned(shape: Shape, rotation: np.ndarray) -> Shape:
+    return replace(shape, position=rotation @ shape.position, rotation=rotation @ shape.rotation)
 
 
 def _line(start: np.ndarray, end: np.ndarray) -> Shape:

@@ -25,7 +25,8 @@ class Arm(_Section):
     """Links that stand for one human arm.
 
     The upper arm points from the origin of `shoulder` to that of `elbow`, the forearm from there to that of
-    `wrist`. `palm` points out of the palm, in the frame of `hand`.
+    `wrist`, or to the point `wrist_at` [m] in its frame where no link begins at the wrist. `palm` points out
+    of the palm, in the frame of `hand`.
     """
 
     shoulder: str
@@ -33,6 +34,7 @@ class Arm(_Section):
     wrist: str
     hand: str
     palm: Axis
+    wrist_at: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0)
 
 
 class Head(_Section):
@@ -43,9 +45,11 @@ class Head(_Section):
 
 
 class Mapping(_Section):
-    """Links that stand for the human body. `torso` has x forward, y left, z up."""
+    """Links that stand for the human body. `forward` and `up` are the torso's, in the frame of its link."""
 
     torso: str
+    forward: Axis = (1.0, 0.0, 0.0)
+    up: Axis = (0.0, 0.0, 1.0)
     left_arm: Arm
     right_arm: Arm
     head: Head
@@ -59,6 +63,17 @@ class Mapping(_Section):
             *(link for arm in arms for link in (arm.shoulder, arm.elbow, arm.wrist, arm.hand)),
         )
 
+    def torso_axes(self) -> np.ndarray:
+        """(3, 3) columns: forward, left and up, in the frame of the torso's link."""
+        left = np.cross(self.up, self.forward)
+        return np.stack([self.forward, left, np.cross(self.forward, left)], axis=1)
+
+    @model_validator(mode="after")
+    def _torso_is_upright(self) -> "Mapping":
+        if abs(np.dot(self.forward, self.up)) > 1e-2:
+            raise ValueError("the torso's forward and up are not at right angles")
+        return self
+
 
 class Joint(_Section):
     """A joint and its servo: servo angle = direction * joint angle + offset.
@@ -70,8 +85,9 @@ class Joint(_Section):
         offset: Servo angle, from the middle of its range, at which the joint is at zero [rad].
         rest: Angle of the rest pose [rad].
         acceleration: Largest acceleration [rad/s^2]. URDF has no place for it.
-        lower: Narrows the URDF's lower limit [rad].
-        upper: Narrows the URDF's upper limit [rad].
+        lower: Narrows the URDF's lower limit, or stands for one that it lacks [rad].
+        upper: Narrows the URDF's upper limit, or stands for one that it lacks [rad].
+        velocity: Narrows the URDF's velocity limit, or stands for one that it lacks [rad/s].
         mark: Where the joint stands when it is calibrated [rad]; if not given, at zero, or at its limit next
             to zero.
     """
@@ -84,6 +100,7 @@ class Joint(_Section):
     acceleration: Annotated[PositiveFloat, Field(allow_inf_nan=False)]
     lower: FiniteFloat = -math.inf
     upper: FiniteFloat = math.inf
+    velocity: PositiveFloat = math.inf
     mark: FiniteFloat | None = None
 
 

@@ -1,22 +1,13 @@
 """Forward kinematics of a robot: where its links are, which way they point, and what they look like."""
 
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from gesture_bot.base.errors import RobotError
 from gesture_bot.retarget.robot import Robot
+from gesture_bot.retarget.urdf_model import mimics, urdf_model
 
-# Fixed links stay links, shapes for looks are kept, and links without inertia are let through.
-_COMPILER = {
-    "fusestatic": "false",
-    "discardvisual": "false",
-    "balanceinertia": "true",
-    "boundmass": "0.001",
-    "boundinertia": "0.000001",
-}
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
@@ -45,7 +36,9 @@ class Shape:
 
 
 class Kinematics:
-    """A robot's links at given joint angles, in its base frame. Joints without a servo stay at zero.
+    """A robot's links at given joint angles, in its base frame.
+
+    Joints that mimic one of the robot's joints follow it; others without a servo stay at zero.
 
     Args:
         robot: Whose kinematics.
@@ -53,28 +46,33 @@ class Kinematics:
     Attributes:
         model: MuJoCo model.
         data: MuJoCo data at the angles of the last `place`.
-        columns: (j,) column of each of the robot's joints in MuJoCo's Jacobians.
+        coupling: (nv, j) how far each of MuJoCo's joints moves with each of the robot's.
 
     Raises:
         RobotError: MuJoCo cannot make a model of the URDF.
     """
 
     def __init__(self, robot: Robot):
-        try:
-            self.model = mujoco.MjModel.from_xml_string(_for_mujoco(robot.urdf))
-        except ValueError as error:
-            raise RobotError(
-                f"the URDF of {robot.name} is no kinematic tree ({' '.join(str(error).split())})"
-            ) from error
+        self.model = urdf_model(robot.name, robot.urdf)
         self.data = mujoco.MjData(self.model)
-        joints = [self.model.joint(name).id for name in robot.joints]
-        self.columns = self.model.jnt_dofadr[joints]
-        self._angles = self.model.jnt_qposadr[joints]
+        columns = {name: column for column, name in enumerate(robot.joints)}
+        self.coupling = np.zeros((self.model.nv, len(columns)))
+        offsets = np.zeros(self.model.nv)
+        for name, column in columns.items():
+            self.coupling[self.model.joint(name).dofadr[0], column] = 1.0
+        for name, mimic in mimics(robot.urdf).items():
+            if mimic.joint in columns and name not in columns:
+                row = self.model.joint(name).dofadr[0]
+                self.coupling[row, columns[mimic.joint]] = mimic.multiplier
+                offsets[row] = mimic.offset
+        moved = np.flatnonzero(self.coupling.any(axis=1))
+        self._moved = self.model.jnt_qposadr[self.model.dof_jntid[moved]]
+        self._coupling, self._offsets = self.coupling[moved], offsets[moved]
         self.place(robot.rest)
 
     def place(self, angles: np.ndarray) -> None:
         """Put the joints at (j,) angles [rad]."""
-        self.data.qpos[self._angles] = angles
+        self.data.qpos[self._moved] = self._coupling @ angles + self._offsets
         mujoco.mj_kinematics(self.model, self.data)
 
     def link(self, name: str) -> int:
@@ -97,7 +95,13 @@ class Kinematics:
         )
 
     def shapes(self) -> list[Shape]:
-        """The primitive shapes that the robot is drawn with. Meshes are left out."""
+        """The primitive shapes that the robot is drawn with.
+
+        A link without shapes for looks shows those for collisions. Boxes stand for meshes.
+        """
+        looks = self.model.geom_contype == 0
+        owners = self.model.geom_bodyid
+        shown = looks | ~np.isin(owners, owners[looks])
         return [
             Shape(
                 _KINDS[mujoco.mjtGeom(self.model.geom_type[geom])],
@@ -106,18 +110,5 @@ class Kinematics:
                 self.data.geom_xmat[geom].reshape(3, 3).copy(),
                 self.model.geom_rgba[geom].copy(),
             )
-            for geom in np.flatnonzero(self.model.geom_contype == 0)
+            for geom in np.flatnonzero(shown)
         ]
-
-
-def _for_mujoco(urdf: str) -> str:
-    """The URDF with our compiler settings, and without meshes, whose files need not be there."""
-    root = ElementTree.fromstring(urdf)
-    for settings in root.findall("mujoco"):
-        root.remove(settings)
-    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
-    for link in root.findall("link"):
-        for looks in link.findall("visual") + link.findall("collision"):
-            if looks.find("geometry/mesh") is not None:
-                link.remove(looks)
-    return ElementTree.tostring(root, encoding="unicode")

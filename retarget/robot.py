@@ -80,35 +80,49 @@ def load_robot(name_or_path: str) -> Robot:
             raise InvalidValueError("no such robot, nor a path ending in .yaml", name_or_path, robot_names())
         path = config_dir() / "robots" / f"{name_or_path}.yaml"
     description = read_yaml(path, RobotDescription)
-    urdf, root = _read_urdf(path.parent / description.urdf)
+    return assemble(path.stem, read_urdf(path.parent / description.urdf), description)
+
+
+def assemble(name: str, urdf: str, description: RobotDescription) -> Robot:
+    """Put a URDF, as XML, and the rest of a robot's description together.
+
+    Raises:
+        RobotError: The URDF lacks a joint or link that the description names, or gives no range.
+    """
+    root = ElementTree.fromstring(urdf)
     links = [link.get("name", "") for link in root.iter("link")]
     for link in description.mapping.links():
         if link not in links:
-            raise RobotError(f"{path.name} maps a link that the URDF {description.urdf} lacks", link, links)
+            raise RobotError(f"{name} maps a link that the URDF {description.urdf} lacks", link, links)
     limits = _limits(root, description)
     rest = np.array([joint.rest for joint in description.joints.values()])
-    for name, angle, lower, upper in zip(limits.joints, rest, limits.lower, limits.upper, strict=True):
+    for joint, angle, lower, upper in zip(limits.joints, rest, limits.lower, limits.upper, strict=True):
         if not lower <= angle <= upper:
             raise RobotError(
-                f"{path.name}: the rest angle of {name} is outside {lower:g} to {upper:g} rad", float(angle)
+                f"{name}: the rest angle of {joint} is outside {lower:g} to {upper:g} rad", float(angle)
             )
     servos = tuple(
         ServoEntry(
-            name,
-            joint.id,
-            joint.model,
-            joint.direction,
-            joint.offset,
-            float(np.clip(0.0, lower, upper)) if joint.mark is None else joint.mark,
+            joint,
+            row.id,
+            row.model,
+            row.direction,
+            row.offset,
+            float(np.clip(0.0, lower, upper)) if row.mark is None else row.mark,
         )
-        for (name, joint), lower, upper in zip(
+        for (joint, row), lower, upper in zip(
             description.joints.items(), limits.lower, limits.upper, strict=True
         )
     )
-    return Robot(path.stem, urdf, limits, rest, description.mapping, servos, description.bus)
+    return Robot(name, urdf, limits, rest, description.mapping, servos, description.bus)
 
 
-def _read_urdf(path: Path) -> tuple[str, ElementTree.Element]:
+def read_urdf(path: Path) -> str:
+    """The XML of a URDF file.
+
+    Raises:
+        RobotError: It cannot be read, or is no URDF.
+    """
     try:
         text = path.read_text(encoding="utf-8")
         root = ElementTree.fromstring(text)
@@ -116,7 +130,7 @@ def _read_urdf(path: Path) -> tuple[str, ElementTree.Element]:
         raise RobotError(f"cannot read the URDF {path} ({error})") from error
     if root.tag != "robot":
         raise RobotError(f"{path} is not a URDF: its root element is", root.tag, ["robot"])
-    return text, root
+    return text
 
 
 def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLimits:
@@ -127,20 +141,22 @@ def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLi
         if name not in elements:
             message = f"the servo table has a joint that the URDF {description.urdf} lacks"
             raise RobotError(message, name, elements)
-        rows.append(_joint_limits(name, joint, elements[name].find("limit")))
+        rows.append(_joint_limits(name, joint, elements[name]))
     return JointLimits(tuple(description.joints), *np.array(rows).T)
 
 
-def _joint_limits(
-    name: str, joint: Joint, limit: ElementTree.Element | None
-) -> tuple[float, float, float, float]:
-    given = {} if limit is None else limit.attrib
+def _joint_limits(name: str, joint: Joint, element: ElementTree.Element) -> tuple[float, float, float, float]:
+    limit = element.find("limit")
+    given = {} if limit is None else dict(limit.attrib)
+    if element.get("type") == "continuous":
+        given = {"velocity": given["velocity"]} if "velocity" in given else {}
     try:
         lower = max(float(given.get("lower", -np.inf)), joint.lower)
         upper = min(float(given.get("upper", np.inf)), joint.upper)
-        velocity = float(given.get("velocity", 0.0))
+        velocity = min(float(given.get("velocity", joint.velocity)), joint.velocity)
     except ValueError as error:
-        raise RobotError(f"the URDF's <limit> of {name} is not all numbers", dict(given)) from error
+        raise RobotError(f"the URDF's <limit> of {name} is not all numbers", given) from error
     if not (-np.inf < lower < upper < np.inf and 0 < velocity < np.inf):
-        raise RobotError(f"{name} needs limits lower < upper and a velocity > 0", (lower, upper, velocity))
+        message = f"{name} needs limits lower < upper and a velocity > 0, of the URDF or the YAML file"
+        raise RobotError(message, (lower, upper, velocity))
     return lower, upper, velocity, joint.acceleration

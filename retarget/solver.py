@@ -10,8 +10,6 @@ from gesture_bot.retarget.robot import Robot
 WEIGHTS = np.array([1.0, 1.0, 0.3, 1.0, 1.0, 0.3, 1.0])
 """Of the squared errors of DIRECTIONS. A palm is to turn the wrist, and hardly to bend the arm."""
 
-_ROW_WEIGHTS = np.repeat(WEIGHTS, 3)
-
 TO_PREVIOUS = 0.02
 """Weight of the squared distance to the angles before [1/rad^2]. It prevents jumps where an angle hardly
 matters: a straight elbow leaves the upper arm's yaw free."""
@@ -54,9 +52,15 @@ class DirectionSolver:
         left, right, head = robot.mapping.left_arm, robot.mapping.right_arm, robot.mapping.head
         self._parents = self._links(left.shoulder, left.elbow, right.shoulder, right.elbow)
         self._children = self._links(left.elbow, left.wrist, right.elbow, right.wrist)
+        self._ends = np.array([np.zeros(3), left.wrist_at, np.zeros(3), right.wrist_at])
         self._turned = self._links(left.hand, right.hand, head.link)
         self._axes = np.array([left.palm, right.palm, head.forward])
+        # An arm without a wrist has nothing to turn its palm with but the arm itself.
+        weights = WEIGHTS.copy()
+        weights[[2, 5]] *= [left.hand != left.elbow, right.hand != right.elbow]
+        self._weights = np.repeat(weights, 3)
         self._torso = self._links(robot.mapping.torso)
+        self._torso_axes = robot.mapping.torso_axes()
         self._check_bones()
         mujoco.mj_comPos(self._kinematics.model, self._kinematics.data)
         self._below_torso = ~self._jacobians(self._torso)[0, 1].any(axis=0)
@@ -73,8 +77,8 @@ class DirectionSolver:
         """
         angles = previous
         for _ in range(ITERATIONS):
-            current, jacobian = self._linearise(angles)
-            weighted = jacobian.T * _ROW_WEIGHTS
+            current, jacobian = self.linearise(angles)
+            weighted = jacobian.T * self._weights
             hessian = weighted @ jacobian + (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
             gradient = (
                 weighted @ (current - targets).ravel()
@@ -88,39 +92,56 @@ class DirectionSolver:
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
         """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
-        return self._linearise(angles)[0]
+        return self.linearise(angles)[0]
 
-    def _linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives."""
+    def linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives.
+
+        Args:
+            angles: (j,) [rad].
+        """
         data = self._kinematics.data
         self._kinematics.place(angles)
         mujoco.mj_comPos(self._kinematics.model, data)
-        lines = data.xpos[self._children] - data.xpos[self._parents]
+        ends = self._end_points()
+        lines = ends - data.xpos[self._parents]
         lengths = np.linalg.norm(lines, axis=1)[:, None]
         bones = lines / lengths
-        moving = (self._jacobians(self._children) - self._jacobians(self._parents))[:, 0] / lengths[:, None]
+        moving = (self._jacobians(self._children, ends) - self._jacobians(self._parents))[:, 0]
+        moving /= lengths[:, None]
         moving -= bones[:, :, None] * (bones[:, None] @ moving)
         axes = data.xmat[self._turned].reshape(-1, 3, 3) @ self._axes[:, :, None]
         turning = self._jacobians(self._turned)[:, 1]
         turning = turning[:, _NEXT] * axes[:, _LAST] - turning[:, _LAST] * axes[:, _NEXT]
 
-        torso = data.xmat[self._torso[0]].reshape(3, 3)
+        torso = data.xmat[self._torso[0]].reshape(3, 3) @ self._torso_axes
         directions = np.concatenate([bones, axes[:, :, 0]])[_ORDER] @ torso
         jacobian = torso.T @ np.concatenate([moving, turning])[_ORDER] * self._below_torso
         return directions, jacobian.reshape(-1, len(angles))
 
-    def _jacobians(self, links: np.ndarray) -> np.ndarray:
-        """(n, 2, 3, j) derivatives of the position and the rotation of links in the base frame."""
+    def _end_points(self) -> np.ndarray:
+        """(4, 3) ends of the bones in the base frame [m]."""
+        data = self._kinematics.data
+        turned = data.xmat[self._children].reshape(-1, 3, 3) @ self._ends[:, :, None]
+        return data.xpos[self._children] + turned[:, :, 0]
+
+    def _jacobians(self, links: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+        """(n, 2, 3, j) derivatives of the position and the rotation of links in the base frame.
+
+        The positions are those of (n, 3) points that move with the links [m], by default their origins.
+        """
         model, data = self._kinematics.model, self._kinematics.data
+        points = data.xpos[links] if points is None else points
         out = np.empty((len(links), 2, 3, model.nv))
-        for (moving, turning), link in zip(out, links, strict=True):
-            mujoco.mj_jacBody(model, data, moving, turning, link)
-        return out[..., self._kinematics.columns]
+        for (moving, turning), point, link in zip(out, points, links, strict=True):
+            mujoco.mj_jac(model, data, moving, turning, point, link)
+        return out @ self._kinematics.coupling
 
     def _check_bones(self) -> None:
-        model, position = self._kinematics.model, self._kinematics.data.xpos
-        for parent, child in zip(self._parents, self._children, strict=True):
-            if np.allclose(position[parent], position[child]):
+        model, starts = self._kinematics.model, self._kinematics.data.xpos[self._parents]
+        bones = zip(self._parents, self._children, starts, self._end_points(), strict=True)
+        for parent, child, start, end in bones:
+            if np.allclose(start, end):
                 names = [model.body(link).name for link in (parent, child)]
                 raise RobotError("an arm is mapped to two links that lie on one point", names)
 

@@ -1,0 +1,80 @@
+"""`gesture-bot robot`: make a mapping for a robot, and check it."""
+
+import argparse
+import os
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.evaluate.robot_gif import write_robot_picture
+from gesture_bot.retarget.checks import Finding, check_mapping
+from gesture_bot.retarget.mapping_file import write_mapping
+from gesture_bot.retarget.proposal import propose
+from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.servo.table_check import table_problems
+
+_STYLES = {"ok": "green", "look": "yellow", "bad": "bold red"}
+
+
+def command(options: argparse.Namespace) -> int:
+    """Add or check a robot; the exit status.
+
+    Args:
+        options: action, "add" or "check"; urdf, the URDF file to add; robot, the name or YAML file to check;
+            output, the YAML file to write or the picture to draw, or None.
+
+    Raises:
+        GestureBotError: A file cannot be read or written, or no mapping is found.
+    """
+    console = Console(highlight=False, markup=False)
+    if options.action == "add":
+        return _add(options.urdf, options.output or Path(f"{options.urdf.stem}.yaml"), console)
+    robot = load_robot(options.robot)
+    bad = _print_findings(robot, console)
+    if options.output:
+        _draw(robot, options.output, console)
+    return int(bad)
+
+
+def _add(urdf: Path, output: Path, console: Console) -> int:
+    if output.suffix not in (".yaml", ".yml"):
+        raise InvalidValueError("cannot write a mapping into this kind of file", output.name, [".yaml"])
+    if output.exists():
+        raise InvalidValueError("will not write over a mapping; choose another name with -o", str(output))
+    description = propose(urdf.stem, read_urdf(urdf), os.path.relpath(urdf, output.parent))
+    write_mapping(output, description)
+    robot = load_robot(str(output))
+    _print_findings(robot, console)
+    console.print(f"wrote {output}", soft_wrap=True)
+    _draw(robot, output.with_suffix(".png"), console)
+    console.print(
+        f"\nLook at the picture, correct {output.name}, then: gesture-bot robot check {output}\n"
+        "The servos in it are made up. They move on the virtual bus; put in your own for a real one.",
+        soft_wrap=True,
+    )
+    return 0
+
+
+def _print_findings(robot: Robot, console: Console) -> bool:
+    """Print a table; whether anything is bad."""
+    findings = check_mapping(robot)
+    problems = list(table_problems(robot))
+    findings += [Finding("servos", "bad", problem) for problem in problems]
+    if not problems:
+        ids = sorted(servo.id for servo in robot.servos)
+        findings.append(Finding("servos", "ok", f"{len(ids)}, ids {ids[0]} to {ids[-1]}"))
+    table = Table("check", "", "", box=None, pad_edge=False, show_header=False)
+    for finding in findings:
+        table.add_row(Text(finding.check), Text(finding.state, _STYLES[finding.state]), Text(finding.text))
+    console.print(table)
+    return any(finding.state == "bad" for finding in findings)
+
+
+def _draw(robot: Robot, picture: Path, console: Console) -> None:
+    if picture.suffix != ".png":
+        raise InvalidValueError("cannot draw into this kind of file", picture.name, [".png"])
+    write_robot_picture(picture, robot, robot.rest)
+    console.print(f"drew its rest pose into {picture}", soft_wrap=True)

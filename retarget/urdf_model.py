@@ -1,0 +1,95 @@
+"""A URDF as a MuJoCo model, whatever its meshes: simple boxes stand for them."""
+
+import xml.etree.ElementTree as ElementTree
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from gesture_bot.base.errors import RobotError
+
+# Fixed links stay links, shapes for looks are kept, and links without inertia are let through.
+_COMPILER = {
+    "fusestatic": "false",
+    "discardvisual": "false",
+    "balanceinertia": "true",
+    "boundmass": "0.001",
+    "boundinertia": "0.000001",
+}
+LIGHTEST = 200.0
+"""No link is lighter than this for its size [kg/m^3]: a box that would be is made smaller."""
+
+_THINNEST = 0.004
+"""Half the least thickness of such a box [m]."""
+
+_COLOR = [0.62, 0.67, 0.72, 1.0]
+
+
+class Mimic(NamedTuple):
+    """What a joint does: multiplier * the angle of another joint + offset [rad]."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+def mimics(urdf: str) -> dict[str, Mimic]:
+    """The joints of a URDF, as XML, that mimic another, by name."""
+    found = {}
+    for joint in ElementTree.fromstring(urdf).findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            multiplier, offset = float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0))
+            found[joint.get("name", "")] = Mimic(mimic.get("joint", ""), multiplier, offset)
+    return found
+
+
+def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
+    """MuJoCo's model of a URDF, as XML, without its meshes, whose files need not be there.
+
+    A link whose only shapes are meshes gets a box with the inertia of the link, if the URDF gives it one.
+
+    Raises:
+        RobotError: MuJoCo cannot make a model of it; `name` says of what.
+    """
+    root = ElementTree.fromstring(urdf)
+    for settings in root.findall("mujoco"):
+        root.remove(settings)
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
+    bare = []
+    for link in root.findall("link"):
+        shapes = link.findall("visual") + link.findall("collision")
+        meshes = [shape for shape in shapes if shape.find("geometry/mesh") is not None]
+        for mesh in meshes:
+            link.remove(mesh)
+        if meshes and len(meshes) == len(shapes) and link.find("inertial/mass") is not None:
+            bare.append(link.get("name", ""))
+    try:
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+        model = spec.compile()
+        for link_name in bare:
+            _add_box(spec.body(link_name), model.body(link_name))
+        return spec.compile() if bare else model
+    except ValueError as error:
+        raise RobotError(
+            f"the URDF of {name} is no kinematic tree ({' '.join(str(error).split())})"
+        ) from error
+
+
+def _add_box(body: mujoco.MjsBody, compiled: Any) -> None:
+    """A box of even density with the mass and inertia of a body, which `compiled` is a view of."""
+    mass, inertia = compiled.mass[0], compiled.inertia
+    if mass <= float(_COMPILER["boundmass"]):
+        return
+    halves = np.sqrt(np.maximum(1.5 / mass * (inertia.sum() - 2 * inertia), _THINNEST**2))
+    density = mass / (8 * halves.prod())
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=halves * min(1.0, np.cbrt(density / LIGHTEST)),
+        pos=compiled.ipos,
+        quat=compiled.iquat,
+        rgba=_COLOR,
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )

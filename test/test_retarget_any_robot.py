@@ -1,0 +1,241 @@
+"""Robots that nobody here drew get a mapping from their URDF, and it is checked."""
+
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from gesture_bot.base.errors import RobotError
+from gesture_bot.base.files import config_dir
+from gesture_bot.retarget.chains import find_body
+from gesture_bot.retarget.checks import check_mapping
+from gesture_bot.retarget.kinematics import Kinematics
+from gesture_bot.retarget.mapping_file import write_mapping
+from gesture_bot.retarget.proposal import propose
+from gesture_bot.retarget.reach import BONES, POSES, both_arms, misses
+from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.retarget.solver import DirectionSolver
+from gesture_bot.servo.table_check import table_problems
+
+PACKAGES = Path(sysconfig.get_path("purelib"))
+EXTRAS = PACKAGES / "cmeel.prefix/share/example-robot-data/robots"
+TOA = config_dir() / "robots" / "toa.urdf"
+
+# URDF, torso, shoulder, elbow, wrist and hand of the left arm, joints of an arm, the neck and the waist: as
+# one reads them off the robots' drawings.
+ANATOMY = {
+    "jvrc": (
+        PACKAGES / "jvrc_description/urdf/jvrc1.urdf", "WAIST_R_S",
+        ("L_SHOULDER_R_S", "L_ELBOW_P_S", "L_WRIST_R_S", "L_WRIST_Y_S"), (7, 3, 3),
+    ),
+    "nao": (
+        PACKAGES / "qibullet/robot_data/nao.urdf", "torso",
+        ("LBicep", "LForeArm", "l_wrist", "l_wrist"), (5, 2, 0),
+    ),
+    "pepper": (
+        PACKAGES / "qibullet/robot_data/pepper.urdf", "torso",
+        ("LBicep", "LForeArm", "l_wrist", "l_wrist"), (5, 2, 3),
+    ),
+    "poppy": (
+        PACKAGES / "poppy_torso/poppy_torso.urdf", "chest",
+        ("l_shoulder_motor", "l_forearm", "l_forearm", "l_forearm"), (4, 2, 3),
+    ),
+    "g1": (
+        EXTRAS / "g1_description/urdf/g1_29dof_rev_1_0.urdf", "torso_link",
+        ("left_shoulder_roll_link", "left_elbow_link", "left_wrist_pitch_link", "left_wrist_yaw_link"),
+        (7, 0, 3),
+    ),
+    "tiago_pro": (
+        EXTRAS / "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link",
+        ("arm_left_2_link", "arm_left_4_link", "arm_left_6_link", "arm_left_7_link"), (7, 2, 0),
+    ),
+    "baxter": (
+        EXTRAS / "baxter_description/urdf/baxter.urdf", "torso",
+        ("left_lower_shoulder", "left_lower_elbow", "left_lower_forearm", "left_wrist"), (7, 1, 0),
+    ),
+}  # fmt: skip
+
+
+def urdf_of(name: str) -> Path:
+    path = ANATOMY[name][0]
+    if not path.exists() and EXTRAS in path.parents:
+        pytest.skip("example-robot-data is not installed: 130 MB, not asked for by default")
+    return path
+
+
+@pytest.fixture(scope="module", params=ANATOMY)
+def robot(request, tmp_path_factory) -> Robot:
+    """A robot as `robot add` leaves it."""
+    urdf = urdf_of(request.param)
+    path = tmp_path_factory.mktemp("robots") / f"{request.param}.yaml"
+    write_mapping(path, propose(request.param, read_urdf(urdf), str(urdf)))
+    return load_robot(str(path))
+
+
+def toa_with(tmp_path: Path, change) -> Robot:
+    """Toa with a changed URDF, and the mapping that is proposed for it."""
+    text = change(TOA.read_text())
+    assert text != TOA.read_text()
+    (tmp_path / "toa.urdf").write_text(text)
+    write_mapping(tmp_path / "toa.yaml", propose("toa", text, "toa.urdf"))
+    return load_robot(str(tmp_path / "toa.yaml"))
+
+
+@pytest.mark.parametrize("name", ANATOMY)
+def test_the_body_is_found(name):
+    urdf, torso, links, counts = urdf_of(name), *ANATOMY[name][1:]
+    body = find_body(name, read_urdf(urdf))
+    left = body.left
+    assert body.torso == torso
+    assert (left.shoulder, left.elbow, left.wrist, left.hand) == links
+    assert (len(left.joints), len(body.neck), len(body.waist)) == counts
+    assert len(body.right.joints) == counts[0]
+
+
+def test_a_proposal_passes_every_check(robot):
+    findings = check_mapping(robot)
+    assert not [finding for finding in findings if finding.state == "bad"]
+    assert {finding.check for finding in findings if finding.state == "look"} <= (
+        {"head"} if robot.name == "g1" else set()
+    )
+    assert not list(table_problems(robot))
+
+
+def test_the_arms_hang_at_the_robots_sides_and_the_palms_face_them(robot):
+    solver = DirectionSolver(robot)
+    upper, forearm, palm = (solver.reached(robot.rest)[[row, row + 3]] for row in range(3))
+    assert (upper[:, 2] < -0.85).all()
+    assert (forearm[:, 2] < -0.7).all()
+    assert (forearm[:, 0] > 0).all()
+    assert upper[0, 1] > 0 > upper[1, 1]
+    # Pepper's elbow turns its palms back.
+    assert robot.name == "pepper" or (palm[0, 1] < -0.7 and palm[1, 1] > 0.7)
+
+
+def test_both_hands_go_up_when_a_persons_do(robot):
+    solver, kinematics = DirectionSolver(robot), Kinematics(robot)
+    targets = solver.reached(robot.rest)
+    targets[BONES] = both_arms(POSES["hands up"])
+    angles = robot.rest
+    for _ in range(30):
+        angles = solver.solve(targets, angles)
+    kinematics.place(angles)
+    for arm in (robot.mapping.left_arm, robot.mapping.right_arm):
+        wrist = kinematics.position(arm.wrist) + kinematics.rotation(arm.wrist) @ arm.wrist_at
+        assert wrist[2] > kinematics.position(arm.elbow)[2]
+    # Poppy's palms cannot turn, and do not draw its arms aside.
+    assert max(off.max() for off in misses(robot).values()) < (3 if robot.name == "poppy" else 25)
+
+
+def test_derivatives_are_those_of_the_directions(robot):
+    solver, random = DirectionSolver(robot), np.random.default_rng(1)
+    angles = random.uniform(robot.limits.lower, robot.limits.upper)
+    step = 1e-6 * random.standard_normal(len(angles))
+    jacobian = solver.linearise(angles)[1]
+    moved = (solver.reached(angles + step) - solver.reached(angles - step)) / 2
+    inside = np.isin(robot.joints, [*find_body("", robot.urdf).waist], invert=True)
+    np.testing.assert_allclose(jacobian[:, inside] @ step[inside], moved.ravel(), atol=1e-10)
+
+
+def test_a_joint_that_mimics_another_follows_it(tmp_path):
+    def coupled(text):
+        for side in ("left", "right"):
+            joint = f'<joint name="{side}_wrist" type="revolute">'
+            mimic = f'<mimic joint="{side}_elbow" multiplier="-0.5" offset="0.2"/>'
+            text = text.replace(joint, joint + mimic)
+        return text
+
+    robot = toa_with(tmp_path, coupled)
+    assert "left_wrist" not in robot.joints
+    kinematics, angles = Kinematics(robot), robot.rest.copy()
+    angles[robot.joints.index("left_elbow")] = 1.0
+    kinematics.place(angles)
+    assert kinematics.data.joint("left_wrist").qpos[0] == pytest.approx(-0.3)
+    solver, step = DirectionSolver(robot), np.full(len(angles), 1e-6)
+    moved = (solver.reached(angles + step) - solver.reached(angles - step)) / 2
+    np.testing.assert_allclose(solver.linearise(angles)[1] @ step, moved.ravel(), atol=1e-10)
+
+
+def test_a_joint_without_end_is_given_one_turn(tmp_path):
+    def endless(text):
+        head, tail = text.split('<joint name="left_wrist" type="revolute">')
+        limit = tail[tail.index("<limit") : tail.index("/>", tail.index("<limit")) + 2]
+        return f'{head}<joint name="left_wrist" type="continuous">{tail.replace(limit, "", 1)}'
+
+    robot = toa_with(tmp_path, endless)
+    wrist = robot.joints.index("left_wrist")
+    assert (robot.limits.lower[wrist], robot.limits.upper[wrist]) == (-3.1, 3.1)
+    assert 0 < robot.limits.velocity[wrist] < 7
+    assert not list(table_problems(robot))
+
+
+def test_a_robot_without_arms_is_told_what_it_has():
+    with pytest.raises(RobotError, match="no two chains.*its chains end in.*left_hand"):
+        find_body(
+            "toa",
+            TOA.read_text().replace("right_elbow", "other_elbow").replace('type="revolute"', 'type="fixed"'),
+        )
+
+
+def changed(tmp_path: Path, change) -> Robot:
+    """Toa with a changed YAML file."""
+    description = yaml.safe_load(TOA.with_suffix(".yaml").read_text())
+    change(description)
+    (tmp_path / "toa.urdf").write_text(TOA.read_text())
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(description))
+    return load_robot(str(tmp_path / "mine.yaml"))
+
+
+def swap_arms(description):
+    arms = description["mapping"]
+    arms["left_arm"], arms["right_arm"] = arms["right_arm"], arms["left_arm"]
+
+
+def swap_elbow_and_wrist(description):
+    arm = description["mapping"]["left_arm"]
+    arm["elbow"], arm["wrist"] = arm["wrist"], arm["elbow"]
+
+
+def arms_through_the_body(description):
+    for joint, angle in (("left_shoulder_roll", 0.0), ("left_upper_arm_yaw", -1.5), ("left_elbow", 1.5)):
+        description["joints"][joint]["rest"] = angle
+
+
+def face_backward(description):
+    description["mapping"]["head"]["forward"] = [-1, 0, 0]
+
+
+def palm_along_the_arm(description):
+    description["mapping"]["right_arm"]["palm"] = [0, 0, -1]
+
+
+def no_elbow_servo(description):
+    del description["joints"]["right_elbow"]
+
+
+@pytest.mark.parametrize(
+    ("mistake", "check", "state", "text"),
+    [
+        (swap_arms, "left arm", "bad", "other side"),
+        (swap_elbow_and_wrist, "left arm", "bad", "left_forearm does not hang on left_hand"),
+        (arms_through_the_body, "rest pose", "bad", "collide"),
+        (face_backward, "face", "look", "180 degrees"),
+        (palm_along_the_arm, "palms", "look", "90 degrees"),
+        (no_elbow_servo, "right arm", "look", "held at zero: right_elbow"),
+    ],
+)
+def test_a_mistake_is_found(tmp_path, mistake, check, state, text):
+    findings = {finding.check: finding for finding in check_mapping(changed(tmp_path, mistake))}
+    assert findings[check].state == state
+    assert text in findings[check].text
+
+
+def test_a_servo_that_cannot_do_it_is_named(tmp_path):
+    def slow_and_turned(description):
+        description["joints"]["left_elbow"] |= {"model": "XM540-W270", "offset": -2.0}
+
+    problems = " ".join(table_problems(changed(tmp_path, slow_and_turned)))
+    assert "left_elbow needs ticks" in problems
+    assert "XM540-W270 at no more than 3.1" in problems
