@@ -70,7 +70,7 @@ class Soak(Recorder):
         self.strokes: list[float] = []
         self.live_strokes: list[float] = []
         self.lags: list[tuple[float, bool, float]] = []
-        self.missed = 0
+        self.late_trajectories = 0
         self.keywords = self.cancelled = 0
         self.look_ahead = 0.0
 
@@ -140,7 +140,7 @@ class Soak(Recorder):
                     during = heard_live[0] < begin - self.look_ahead < heard_live[1]
                     self.lags.append((begin, during, lag))
         known = RADIUS / FRAME_RATE
-        self.missed += sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
+        self.late_trajectories += sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
 
     def _wait(self, length: float) -> Iterator[None]:
         end = self.now() + length
@@ -222,7 +222,7 @@ def main() -> None:
                 number += 1
                 memory.append((time.monotonic() - begin, memory_of(processes)))
                 progress.update(round(time.monotonic() - begin) - progress.n)
-            missed = soak.missed + soak.record.states[-1].message.late
+            late_windows = soak.record.states[-1].message.late
     soak.destroy_node()
     rclpy.shutdown()
 
@@ -232,7 +232,8 @@ def main() -> None:
     live = [soak.look_ahead + lag for _, is_live, lag in soak.lags if is_live]
     result = {
         "memory_growth": round(memory[-1][1] / settled - 1, 4),
-        "missed_steps": missed,
+        "missed_steps": late_windows + soak.late_trajectories,
+        "late_windows": late_windows,
         "drift_ms": round(float(np.median(lags[-fifth:]) - np.median(lags[:fifth])) * 1e3, 1),
         "stroke_to_word_ms_p95": percentile([abs(error) for error in soak.strokes], 95),
         "stroke_to_word_ms_median": percentile(soak.strokes, 50),

@@ -65,9 +65,9 @@ class Recorder(GestureNode):
             self._keep(message_type, topic, kept, qos)
 
     def _keep(self, message_type: type, topic: str, kept: list[Heard], qos: Any) -> None:
-        def on_message(message: Any) -> None:
-            arrival = self.now()
+        def on_message(message: Any, info: Any) -> None:
+            arrival = info["received_timestamp"] * 1e-9  # however long it waited for this process
             stamped = hasattr(message, "header")
             kept.append(Heard(arrival, seconds(message.header.stamp) if stamped else arrival, message))
 
-        self.listen(message_type, topic, on_message, qos)
+        self.create_subscription(message_type, topic, on_message, qos)  # type: ignore[arg-type]
