@@ -150,6 +150,7 @@ class ServoDriver(GestureNode):
             held_back_position=held.position,
             held_back_velocity=held.velocity,
             held_back_acceleration=held.acceleration,
+            held_back_collision=held.collision,
         )
         servos = [
             diagnostic(

@@ -39,7 +39,7 @@ class Clearance:
         arms = (robot.mapping.left_arm, robot.mapping.right_arm)
         forearms = [self._below(arm.elbow) for arm in arms]
         whole = [self._below(self._first(robot, arm.shoulder)) for arm in arms]
-        self._pairs = [
+        pairs = [
             (int(one), int(other))
             for own, arm in zip(forearms, whole, strict=True)
             for one in geoms
@@ -49,18 +49,75 @@ class Clearance:
             # The pair of both forearms is asked for once.
             and (owners[other] not in forearms[0] or own is not forearms[1])
         ]
+        self._pairs = np.array(pairs, int).reshape(-1, 2)
+        self._radii = model.geom_rbound[self._pairs].sum(axis=1)
+        self._ends = np.zeros(6)
 
     def nearest(self, angles: np.ndarray) -> Nearest:
         """The two links that are nearest to each other at (j,) angles [rad]."""
         self._kinematics.place(angles)
-        model, data = self._kinematics.model, self._kinematics.data
+        model = self._kinematics.model
         nearest = FARTHEST, ("", "")
-        for one, other in self._pairs:
-            distance = mujoco.mj_geomDistance(model, data, one, other, nearest[0], None)
-            if distance < nearest[0]:
-                names = (model.body(model.geom_bodyid[geom]).name for geom in (one, other))
-                nearest = distance, (next(names), next(names))
+        for pair in self._around(FARTHEST):
+            if (distance := self._distance(pair, nearest[0])) < nearest[0]:
+                one, other = (model.body(model.geom_bodyid[geom]).name for geom in self._pairs[pair])
+                nearest = distance, (one, other)
         return Nearest(*nearest)
+
+    def under(self, angles: np.ndarray, limit: float) -> dict[int, float]:
+        """Distances under a limit at (j,) angles, by the number of the pair of shapes [rad, m]."""
+        self._kinematics.place(angles)
+        found = {pair: self._distance(pair, limit) for pair in self._around(limit)}
+        return {pair: distance for pair, distance in found.items() if distance < limit}
+
+    def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) distances under a limit at (j,) angles, and their (n, j) derivatives [rad, m]."""
+        self._kinematics.place(angles)
+        distances, derivatives = [], []
+        for pair in self._around(limit):
+            distance = self._distance(pair, limit)
+            if distance < limit and distance:
+                away = (self._ends[3:] - self._ends[:3]) / distance
+                links = self._kinematics.model.geom_bodyid[self._pairs[pair]]
+                moving = self._kinematics.jacobians(links, self._ends.reshape(2, 3))[:, 0]
+                distances.append(distance)
+                derivatives.append(away @ (moving[1] - moving[0]))
+        return np.array(distances), np.array(derivatives).reshape(-1, len(angles))
+
+    def joints(self, pair: int) -> np.ndarray:
+        """(j,) which joints move the shapes of a pair against each other."""
+        one, other = self._kinematics.model.geom_bodyid[self._pairs[pair]]
+        return self._kinematics.joints_above(one) ^ self._kinematics.joints_above(other)
+
+    def reaches(self) -> np.ndarray:
+        """(j,) farthest that a part of such a shape can be from each joint [m]."""
+        model, coupling = self._kinematics.model, self._kinematics.coupling
+        reaches = np.zeros(coupling.shape[1])
+        for geom in np.unique(self._pairs):
+            length = np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom]
+            body = model.geom_bodyid[geom]
+            while body:
+                dofs = model.dof_bodyid == body
+                away = length + np.linalg.norm(model.jnt_pos[model.dof_jntid[dofs]], axis=1)
+                turned = (np.abs(coupling[dofs]) * away[:, None]).max(axis=0, initial=0.0)
+                reaches = np.maximum(reaches, turned)
+                length += np.linalg.norm(model.body_pos[body])
+                body = model.body_parentid[body]
+        return reaches
+
+    def _around(self, limit: float) -> np.ndarray:
+        """Pairs whose bounding spheres are closer than a limit."""
+        centres = self._kinematics.data.geom_xpos[self._pairs]
+        return np.flatnonzero(np.linalg.norm(centres[:, 0] - centres[:, 1], axis=1) - self._radii < limit)
+
+    def _distance(self, pair: int, limit: float) -> float:
+        """Between two shapes [m], or the limit if they are farther apart. Where it is measured is kept."""
+        one, other = self._pairs[pair]
+        return float(
+            mujoco.mj_geomDistance(
+                self._kinematics.model, self._kinematics.data, one, other, limit, self._ends
+            )
+        )
 
     def _below(self, link: str) -> set[int]:
         """A link and all that hang on it."""

@@ -74,6 +74,7 @@ class Kinematics:
         """Put the joints at (j,) angles [rad]."""
         self.data.qpos[self._moved] = self._coupling @ angles + self._offsets
         mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)  # which Jacobians ask for
 
     def link(self, name: str) -> int:
         """Index of a link in MuJoCo's arrays of bodies."""
@@ -86,6 +87,29 @@ class Kinematics:
     def rotation(self, link: str) -> np.ndarray:
         """(3, 3) rotation from a link's frame to the base frame."""
         return self.data.xmat[self.link(link)].reshape(3, 3).copy()
+
+    def jacobians(self, links: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Derivatives of the position and the rotation of links, in the base frame.
+
+        Args:
+            links: (n,) indices.
+            points: (n, 3) whose positions are meant; they move with the links [m].
+
+        Returns:
+            (n, 2, 3, j).
+        """
+        out = np.empty((len(links), 2, 3, self.model.nv))
+        for (moving, turning), point, link in zip(out, points, links, strict=True):
+            mujoco.mj_jac(self.model, self.data, moving, turning, point, link)
+        return out @ self.coupling
+
+    def joints_above(self, link: int) -> np.ndarray:
+        """(j,) which of the robot's joints move a link."""
+        found = np.zeros(self.coupling.shape[1], bool)
+        while link:
+            found |= self.coupling[self.model.dof_bodyid == link].any(axis=0)
+            link = self.model.body_parentid[link]
+        return found
 
     def segments(self) -> np.ndarray:
         """(n, 2, 3) lines from each link's parent to the link [m]."""

@@ -1,9 +1,9 @@
 """Directions to joint angles: the retargeting objective and its solver."""
 
-import mujoco
 import numpy as np
 
 from gesture_bot.base.errors import RobotError
+from gesture_bot.retarget.clearance import Clearance
 from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.robot import Robot
 
@@ -16,6 +16,15 @@ matters: a straight elbow leaves the upper arm's yaw free."""
 
 TO_REST = 0.002
 """Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
+
+KEPT = 0.03
+"""Forearms and hands are to keep this far from the rest of the robot [m]."""
+
+CROWDED = 0.04
+"""Coming closer by this weighs as much as a direction that is off by a length of one [m]."""
+
+BACKWARD_STEPS = 8
+"""Where a pose would still touch the robot itself, the way back to the last one is searched in such steps."""
 
 _ORDER = np.array([0, 1, 4, 2, 3, 5, 6])
 """From bones (left upper arm, left forearm, right ...) and axes (palms, face) to DIRECTIONS."""
@@ -32,7 +41,7 @@ class DirectionSolver:
     """Joint angles whose links point as a person's do.
 
     Minimises, inside the position limits, the weighted squared differences of directions and the weighted
-    squared distances to the angles before and to the rest pose. Joints between base and torso stay where
+    squared distances to the angles before and to the rest pose, and keeps the arms off the robot. Joints between base and torso stay where
     they are.
 
     Args:
@@ -62,8 +71,8 @@ class DirectionSolver:
         self._torso = self._links(robot.mapping.torso)
         self._torso_axes = robot.mapping.torso_axes()
         self._check_bones()
-        mujoco.mj_comPos(self._kinematics.model, self._kinematics.data)
-        self._below_torso = ~self._jacobians(self._torso)[0, 1].any(axis=0)
+        self._below_torso = ~self._kinematics.joints_above(self._torso[0])
+        self._clearance = Clearance(robot)
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """The angles for one frame.
@@ -78,17 +87,21 @@ class DirectionSolver:
         angles = previous
         for _ in range(ITERATIONS):
             current, jacobian = self.linearise(angles)
+            distances, parting = self._clearance.rows(angles, KEPT)
+            parting *= self._below_torso / CROWDED
             weighted = jacobian.T * self._weights
-            hessian = weighted @ jacobian + (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
+            hessian = weighted @ jacobian + parting.T @ parting
+            hessian += (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
             gradient = (
                 weighted @ (current - targets).ravel()
+                - (KEPT - distances) / CROWDED @ parting
                 + TO_PREVIOUS * (angles - previous)
                 + TO_REST * (angles - self._rest)
             )
             lowest = np.clip(self._limits.lower - angles, -LARGEST_STEP, LARGEST_STEP)
             highest = np.clip(self._limits.upper - angles, -LARGEST_STEP, LARGEST_STEP)
             angles = angles + _bounded_step(hessian, gradient, lowest, highest)
-        return np.clip(angles, self._limits.lower, self._limits.upper)
+        return self._clear(previous, np.clip(angles, self._limits.lower, self._limits.upper))
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
         """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
@@ -102,16 +115,16 @@ class DirectionSolver:
         """
         data = self._kinematics.data
         self._kinematics.place(angles)
-        mujoco.mj_comPos(self._kinematics.model, data)
-        ends = self._end_points()
-        lines = ends - data.xpos[self._parents]
+        starts, ends = data.xpos[self._parents], self._end_points()
+        lines = ends - starts
         lengths = np.linalg.norm(lines, axis=1)[:, None]
         bones = lines / lengths
-        moving = (self._jacobians(self._children, ends) - self._jacobians(self._parents))[:, 0]
+        jacobians = self._kinematics.jacobians
+        moving = (jacobians(self._children, ends) - jacobians(self._parents, starts))[:, 0]
         moving /= lengths[:, None]
         moving -= bones[:, :, None] * (bones[:, None] @ moving)
         axes = data.xmat[self._turned].reshape(-1, 3, 3) @ self._axes[:, :, None]
-        turning = self._jacobians(self._turned)[:, 1]
+        turning = jacobians(self._turned, data.xpos[self._turned])[:, 1]
         turning = turning[:, _NEXT] * axes[:, _LAST] - turning[:, _LAST] * axes[:, _NEXT]
 
         torso = data.xmat[self._torso[0]].reshape(3, 3) @ self._torso_axes
@@ -119,23 +132,21 @@ class DirectionSolver:
         jacobian = torso.T @ np.concatenate([moving, turning])[_ORDER] * self._below_torso
         return directions, jacobian.reshape(-1, len(angles))
 
+    def _clear(self, previous: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        """The angles; where the robot would touch itself, joints go no farther than they can."""
+        touching = self._clearance.under(angles, 0.0)
+        if not touching:
+            return angles
+        backed = np.any([self._clearance.joints(pair) for pair in touching], axis=0)
+        shares = np.where(backed, np.arange(BACKWARD_STEPS)[::-1, None] / BACKWARD_STEPS, 1.0)
+        poses = previous + shares * (angles - previous)
+        return next((pose for pose in poses if not self._clearance.under(pose, 0.0)), previous)
+
     def _end_points(self) -> np.ndarray:
         """(4, 3) ends of the bones in the base frame [m]."""
         data = self._kinematics.data
         turned = data.xmat[self._children].reshape(-1, 3, 3) @ self._ends[:, :, None]
         return data.xpos[self._children] + turned[:, :, 0]
-
-    def _jacobians(self, links: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
-        """(n, 2, 3, j) derivatives of the position and the rotation of links in the base frame.
-
-        The positions are those of (n, 3) points that move with the links [m], by default their origins.
-        """
-        model, data = self._kinematics.model, self._kinematics.data
-        points = data.xpos[links] if points is None else points
-        out = np.empty((len(links), 2, 3, model.nv))
-        for (moving, turning), point, link in zip(out, points, links, strict=True):
-            mujoco.mj_jac(model, data, moving, turning, point, link)
-        return out @ self._kinematics.coupling
 
     def _check_bones(self) -> None:
         model, starts = self._kinematics.model, self._kinematics.data.xpos[self._parents]

@@ -8,6 +8,7 @@ from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.bus import Bus, Port
+from gesture_bot.servo.collision_guard import CollisionGuard
 from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.following import Following
 from gesture_bot.servo.models import WATCHDOG_UNIT
@@ -86,7 +87,8 @@ class Driver:
             bus.close()
             raise
         positions, _, _ = self._table.joint_state(self._reader.present)
-        self._envelope = Envelope(self._robot.limits, self._dt, positions)
+        guard = CollisionGuard(self._robot, self._dt)
+        self._envelope = Envelope(self._robot.limits, self._dt, positions, guard)
         self._envelope.interventions = self.status.interventions
         self._upkeep = Upkeep(bus, self._robot, self._reader)
         self._following = Following(self._robot, self._dt)

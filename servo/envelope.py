@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gesture_bot.retarget.follower import Follower, JointLimits
+from gesture_bot.servo.collision_guard import CollisionGuard
 
 EASING_VELOCITY = 0.5
 """Largest speed of a joint until it has met its target for the first time [rad/s]."""
@@ -20,12 +21,14 @@ HELD_BACK = 1e-3
 class Interventions:
     """How often a joint was held back for a tick, by the limit that was asked to be broken.
 
-    `acceleration` also counts catching up afterwards.
+    `acceleration` also counts catching up afterwards, `collision` ticks in which the robot would have come to
+    touch itself.
     """
 
     position: int = 0
     velocity: int = 0
     acceleration: int = 0
+    collision: int = 0
 
 
 class Envelope:
@@ -37,16 +40,22 @@ class Envelope:
         limits: The joints' limits.
         dt: Length of a tick [s].
         positions: (j,) where the joints are, at rest [rad].
+        guard: Keeps the robot off itself.
 
     Attributes:
         interventions: What it had to hold back so far.
     """
 
-    def __init__(self, limits: JointLimits, dt: float, positions: np.ndarray):
+    def __init__(
+        self, limits: JointLimits, dt: float, positions: np.ndarray, guard: CollisionGuard | None = None
+    ):
         self.interventions = Interventions()
         self._limits = limits
         self._follower = Follower(limits, dt, positions)
         self._met = np.zeros(len(positions), bool)
+        self._guard = guard
+        if guard:
+            guard.reset(positions)
 
     @property
     def positions(self) -> np.ndarray:
@@ -67,6 +76,8 @@ class Envelope:
             np.where(joints, positions, follower.position), np.where(joints, 0.0, follower.velocity)
         )
         self.ease(joints)
+        if self._guard and joints.any():
+            self._guard.reset(follower.position)
 
     def ease(self, joints: np.ndarray) -> None:
         """Let the joints of a (j,) mask approach their targets slowly until they have met them again."""
@@ -95,12 +106,34 @@ class Envelope:
         fastest = speed * limits.velocity
         fastest = np.where(self._met, fastest, np.minimum(fastest, EASING_VELOCITY))
         follower.limits = replace(limits, velocity=fastest)
-        sent, _ = follower.step(target, wanted)
+        sent, braking = self._move(target, wanted, stop)
 
-        held_back = asked & self._met & (np.abs(sent - target) > HELD_BACK)
+        held_back = asked & self._met & ~braking & (np.abs(sent - target) > HELD_BACK)
         outside = (target < limits.lower) | (target > limits.upper)
         too_fast = ~outside & (np.abs(wanted) > limits.velocity)
         self.interventions.position += int(np.count_nonzero(held_back & outside))
         self.interventions.velocity += int(np.count_nonzero(held_back & too_fast))
         self.interventions.acceleration += int(np.count_nonzero(held_back & ~outside & ~too_fast))
         return sent
+
+    def _move(
+        self, target: np.ndarray, wanted: np.ndarray, stop: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Move for one tick, and tell which joints had to brake so that the robot does not touch itself."""
+        follower, guard = self._follower, self._guard
+        before = follower.position, follower.velocity
+        sent, velocities = follower.step(target, wanted)
+        braking = np.zeros(len(sent), bool)
+        if guard is None:
+            return sent, braking
+        braking = guard.touching(sent, velocities)
+        if braking.any():
+            self.interventions.collision += 1
+            follower.reset(*before)
+            sent, velocities = follower.step(np.where(braking, stop, target), np.where(braking, 0.0, wanted))
+            if guard.touching(sent, velocities).any():
+                follower.reset(*before)
+                sent, _ = follower.brake()
+                braking[:] = True
+        guard.moved(sent)
+        return sent, braking
