@@ -1,12 +1,12 @@
-"""Who has control: teleoperation over gestures, joint by joint, with smooth hand-over and a latched stop."""
+"""Who has control: sources by their priority, joint by joint, with smooth hand-over and a latched stop."""
 
-import math
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.servo.arbitration import NOBODY, STOP, Lock, Source
 from gesture_bot.servo.trajectories import Overlay, coast, ease
 
 BLEND = 0.6
@@ -19,28 +19,6 @@ HALF_LIFE = 0.3
 """Half-life of the difference where a source departs from its own plan [s]. A target 1 rad away is approached
 with at most 1.7 rad/s and 21 rad/s^2."""
 
-NOBODY = "nobody"
-STOP = "stop"
-
-
-@dataclass(frozen=True)
-class Source:
-    """Who may ask for motion.
-
-    Attributes:
-        name: Such as gesture or teleop.
-        priority: The highest one that asks for a joint owns it.
-        timeout: A joint is given back when its trajectory has ended and its last message is this old [s].
-    """
-
-    name: str
-    priority: int
-    timeout: float
-
-
-GESTURE = Source("gesture", 10, math.inf)
-TELEOP = Source("teleop", 100, 0.5)
-
 
 class MotionMux:
     """Merges the trajectories of several sources into one.
@@ -50,23 +28,28 @@ class MotionMux:
     Args:
         joints: The j joints.
         positions: (j,) where they are at the start [rad].
-        sources: Who may ask for motion. The lock masks GESTURE alone.
+        sources: Who may ask for motion.
+        locks: What masks them. One with a timeout is engaged until it is heard.
 
     Attributes:
         joints: The j joints.
-        locked: While true, gestures are masked.
         stopped: True from `stop` to `reset`.
     """
 
     def __init__(
-        self, joints: tuple[str, ...], positions: np.ndarray, sources: tuple[Source, ...] = (GESTURE, TELEOP)
+        self,
+        joints: tuple[str, ...],
+        positions: np.ndarray,
+        sources: Iterable[Source],
+        locks: Iterable[Lock] = (),
     ):
         self.joints = joints
-        self.locked = False
         self.stopped = False
+        self._locks = {lock.name: lock for lock in locks}
+        self._lock_heard = {lock.name: (False, -np.inf) for lock in locks}
         self._sources = sorted(sources, key=lambda source: source.priority)
-        self._plans = {source.name: Overlay(joints, HALF_LIFE) for source in sources}
-        self._heard = {source.name: np.full(len(joints), -np.inf) for source in sources}
+        self._plans = {source.name: Overlay(joints, HALF_LIFE) for source in self._sources}
+        self._heard = {source.name: np.full(len(joints), -np.inf) for source in self._sources}
         self._owner = np.full(len(joints), NOBODY, object)
         # Each joint leaves the motion it had when its owner changed.
         self._changed = np.full(len(joints), -np.inf)
@@ -89,9 +72,23 @@ class MotionMux:
         self._plans[name].add(trajectory, now)
         self._heard[name][np.isin(self.joints, trajectory.joints)] = now
 
-    def set_lock(self, locked: bool) -> None:
-        """Mask gestures, or let them through again."""
-        self.locked = locked
+    def set_lock(self, name: str, engaged: bool, now: float) -> None:
+        """Engage a lock, or release it.
+
+        Raises:
+            InvalidValueError: It is unknown.
+        """
+        if name not in self._locks:
+            raise InvalidValueError("unknown lock", name, self._locks)
+        self._lock_heard[name] = engaged, now
+
+    def locks(self, now: float) -> list[Lock]:
+        """The locks that are engaged, also for want of a word from their publisher."""
+        return [
+            lock
+            for lock, (engaged, heard) in zip(self._locks.values(), self._lock_heard.values(), strict=True)
+            if engaged or now - heard > lock.timeout
+        ]
 
     def stop(self) -> None:
         """Let all joints brake and hold, whoever asks for motion, until `reset`."""
@@ -124,8 +121,9 @@ class MotionMux:
         if self.stopped:
             return np.full(len(self.joints), STOP, object)
         owner = np.full(len(self.joints), NOBODY, object)
+        masked = max((lock.priority for lock in self.locks(now)), default=-1)
         for source in self._sources:
-            if not (self.locked and source.name == GESTURE.name):
+            if source.priority > masked:
                 planned = self._plans[source.name].ends() > -np.inf
                 owner[planned & ~self._lapsed(source, now)] = source.name
         return owner
