@@ -27,7 +27,7 @@ class MotionMux(GestureNode):
         sources, locks = load_arbitration(
             self.parameter("sources", "shipped", "Sources of motion and locks: a YAML file, or 'shipped'")
         )
-        self._mux = mux.MotionMux(robot.joints, robot.rest, sources, locks)
+        self._mux = mux.MotionMux(robot.limits, robot.rest, sources, locks)
         self._owners: dict[str, str] = {}
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", PLAN)
         self._owners_publisher = self.create_publisher(JointOwners, "motion_mux/owners", STATE)

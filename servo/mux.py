@@ -6,11 +6,18 @@ import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.retarget.follower import JointLimits
 from gesture_bot.servo.arbitration import NOBODY, STOP, Lock, Source
-from gesture_bot.servo.trajectories import Overlay, coast, ease
+from gesture_bot.servo.trajectories import Overlay, brake, ease, easing_time
 
 BLEND = 0.6
-"""How long a joint takes to pass from one owner to the next [s]."""
+"""A joint takes at least so long to pass from one owner to the next [s]."""
+
+SHARE = 0.4
+"""Share of a joint's limits that passing from one owner to the next uses; the rest is for their motions."""
+
+BRAKING = 0.9
+"""Share of the acceleration limit with which a stop brakes."""
 
 HORIZON = np.linspace(0.0, 0.3, 7)
 """Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late."""
@@ -23,10 +30,10 @@ with at most 1.7 rad/s and 21 rad/s^2."""
 class MotionMux:
     """Merges the trajectories of several sources into one.
 
-    A joint that nobody owns coasts to rest and stays. While stopped, none has an owner.
+    A joint that nobody owns brakes and stays. While stopped, none has an owner.
 
     Args:
-        joints: The j joints.
+        limits: The j joints, and what they may do.
         positions: (j,) where they are at the start [rad].
         sources: Who may ask for motion.
         locks: What masks them. One with a timeout is engaged until it is heard.
@@ -38,12 +45,13 @@ class MotionMux:
 
     def __init__(
         self,
-        joints: tuple[str, ...],
+        limits: JointLimits,
         positions: np.ndarray,
         sources: Iterable[Source],
         locks: Iterable[Lock] = (),
     ):
-        self.joints = joints
+        self.joints = joints = limits.joints
+        self._limits = limits
         self.stopped = False
         self._locks = {lock.name: lock for lock in locks}
         self._lock_heard = {lock.name: (False, -np.inf) for lock in locks}
@@ -55,6 +63,7 @@ class MotionMux:
         self._changed = np.full(len(joints), -np.inf)
         self._left_position = np.array(positions, float)
         self._left_velocity = np.zeros(len(joints))
+        self._blend = np.full(len(joints), BLEND)
 
     @property
     def owners(self) -> dict[str, str]:
@@ -108,6 +117,12 @@ class MotionMux:
             self._left_velocity = np.where(changed, velocities[0], self._left_velocity)
             self._changed = np.where(changed, now, self._changed)
             self._owner = owner
+            asked, speeds = self._asked(np.array([now]))
+            distance = np.nan_to_num(asked[0] - self._left_position)
+            speed = np.nan_to_num(speeds[0] - self._left_velocity)
+            limits = SHARE * self._limits.velocity, SHARE * self._limits.acceleration
+            blend = np.maximum(easing_time(distance, speed, *limits), BLEND)
+            self._blend = np.where(changed, blend, self._blend)
         self._forget_lapsed(now)
         times = now + HORIZON
         return JointTrajectory(self.joints, times, *self._command(times))
@@ -136,14 +151,23 @@ class MotionMux:
                 {joint for joint, gone in zip(self.joints, lapsed, strict=True) if gone}
             )
 
-    def _command(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, j) positions [rad] and velocities [rad/s] under the present owners."""
-        elapsed = times[:, None] - self._changed
-        leaving = coast(self._left_position, self._left_velocity, elapsed)
-        positions, velocities = leaving[0].copy(), leaving[1].copy()
+    def _asked(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, j) positions [rad] and velocities [rad/s] that the owners plan; NaN where there is none."""
+        positions = np.full((len(times), len(self.joints)), np.nan)
+        velocities = positions.copy()
         for name, plan in self._plans.items():
             own = self._owner == name
             if own.any():
-                eased = ease(leaving, plan.at(times), elapsed, BLEND)
-                positions[:, own], velocities[:, own] = eased[0][:, own], eased[1][:, own]
+                where, speed = plan.at(times)
+                positions[:, own], velocities[:, own] = where[:, own], speed[:, own]
         return positions, velocities
+
+    def _command(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, j) positions [rad] and velocities [rad/s] under the present owners."""
+        elapsed = times[:, None] - self._changed
+        share = np.where(self._owner == STOP, BRAKING, SHARE)
+        leaving = brake(self._left_position, self._left_velocity, elapsed, share * self._limits.acceleration)
+        asked = self._asked(times)
+        eased = ease(leaving, asked, elapsed, self._blend)
+        owned = ~np.isnan(asked[0])
+        return np.where(owned, eased[0], leaving[0]), np.where(owned, eased[1], leaving[1])

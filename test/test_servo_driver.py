@@ -156,7 +156,7 @@ def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
 def test_a_stop_brakes_evenly_also_where_goals_are_sent_ahead(wire):
     driver = Driver(robot_with(on_exit="off", lag_ms=45.0), wire.port)
     driver.start()
-    mux = MotionMux(ROBOT.joints, ROBOT.rest, load_arbitration()[0])
+    mux = MotionMux(ROBOT.limits, ROBOT.rest, load_arbitration()[0])
     times = T0 + np.arange(0.0, 4.0, 0.02)
     swing = ROBOT.rest[ELBOW] + 0.5 - 0.5 * np.cos(2 * np.pi * 0.6 * (times - T0))
     speed = 0.5 * 2 * np.pi * 0.6 * np.sin(2 * np.pi * 0.6 * (times - T0))
