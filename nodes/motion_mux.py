@@ -1,5 +1,6 @@
-"""Decides who moves each joint: gesture or operator; a stop outranks both and latches."""
+"""Decides who moves each joint, by priority; a stop outranks all and latches."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,9 +10,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.msg import JointOwners
 from gesture_bot.nodes.messages import trajectory_from, trajectory_to
-from gesture_bot.nodes.node import PLAN, STATE, GestureNode, stamp
+from gesture_bot.nodes.node import PLAN, STATE, GestureNode, diagnostic, stamp
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo import mux
+from gesture_bot.servo.arbitration import Lock, Source, load_arbitration
 
 STOPPED = "stopped until `reset`"
 
@@ -22,27 +24,41 @@ class MotionMux(GestureNode):
     def __init__(self, name: str = "motion_mux", **options: Any):
         super().__init__(name, **options)
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
-        self._mux = mux.MotionMux(robot.joints, robot.rest)
+        sources, locks = load_arbitration(
+            self.parameter("sources", "shipped", "Sources of motion and locks: a YAML file, or 'shipped'")
+        )
+        self._mux = mux.MotionMux(robot.limits, robot.rest, sources, locks)
         self._owners: dict[str, str] = {}
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", PLAN)
         self._owners_publisher = self.create_publisher(JointOwners, "motion_mux/owners", STATE)
-        for source in (mux.GESTURE, mux.TELEOP):
-            self._follow(source.name)
-        self.listen_to_state(Bool, "teleop/lock", lambda message: self._mux.set_lock(message.data))
+        for source in sources:
+            self._follow(source)
+        for lock in locks:
+            self._obey(lock)
         self.listen_to_state(Bool, "stop", self._on_stop)
         self.create_service(Trigger, "stop", self._answer(self._mux.stop, STOPPED))
         self.create_service(
             Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on")
         )
         self.every(0.04, self._tick)
-        self.waits_for("trajectories on gesture/joint_trajectory and teleop/joint_trajectory")
+        self.every(1.0, self._report)
+        self.waits_for(f"trajectories on {' and '.join(source.topic for source in sources)}")
 
-    def _follow(self, source: str) -> None:
+    def _follow(self, source: Source) -> None:
         def on_trajectory(message: JointTrajectory) -> None:
             now = self.now()
-            self._mux.set_source(source, trajectory_from(message, now), now)
+            self._mux.set_source(source.name, trajectory_from(message, now), now)
 
-        self.listen(JointTrajectory, f"{source}/joint_trajectory", on_trajectory, PLAN)
+        self.listen(JointTrajectory, source.topic, on_trajectory, PLAN)
+
+    def _obey(self, lock: Lock) -> None:
+        def on_lock(message: Bool) -> None:
+            self._mux.set_lock(lock.name, message.data, self.now())
+
+        if lock.timeout < math.inf:
+            self.listen(Bool, lock.topic, on_lock, PLAN)  # each one is a sign of life
+        else:
+            self.listen_to_state(Bool, lock.topic, on_lock)
 
     def _on_stop(self, message: Bool) -> None:
         if message.data:
@@ -59,6 +75,11 @@ class MotionMux(GestureNode):
             return response
 
         return answer
+
+    def _report(self) -> None:
+        held = [STOPPED] if self._mux.stopped else []
+        held += [f"locked by {lock.name} ({lock.topic})" for lock in self._mux.locks(self.now())]
+        self.diagnose(diagnostic("motion mux", held, "open", **self._mux.owners))
 
     def _tick(self) -> None:
         self._commands.publish(trajectory_to(self._mux.tick(self.now())))

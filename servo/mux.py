@@ -1,16 +1,23 @@
-"""Who has control: teleoperation over gestures, joint by joint, with smooth hand-over and a latched stop."""
+"""Who has control: sources by their priority, joint by joint, with smooth hand-over and a latched stop."""
 
-import math
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
-from gesture_bot.servo.trajectories import Overlay, coast, ease
+from gesture_bot.retarget.follower import JointLimits
+from gesture_bot.servo.arbitration import NOBODY, STOP, Lock, Source
+from gesture_bot.servo.trajectories import Overlay, brake, ease, easing_time
 
 BLEND = 0.6
-"""How long a joint takes to pass from one owner to the next [s]."""
+"""A joint takes at least so long to pass from one owner to the next [s]."""
+
+SHARE = 0.4
+"""Share of a joint's limits that passing from one owner to the next uses; the rest is for their motions."""
+
+BRAKING = 0.9
+"""Share of the acceleration limit with which a stop brakes."""
 
 HORIZON = np.linspace(0.0, 0.3, 7)
 """Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late."""
@@ -19,59 +26,44 @@ HALF_LIFE = 0.3
 """Half-life of the difference where a source departs from its own plan [s]. A target 1 rad away is approached
 with at most 1.7 rad/s and 21 rad/s^2."""
 
-NOBODY = "nobody"
-STOP = "stop"
-
-
-@dataclass(frozen=True)
-class Source:
-    """Who may ask for motion.
-
-    Attributes:
-        name: Such as gesture or teleop.
-        priority: The highest one that asks for a joint owns it.
-        timeout: A joint is given back when its trajectory has ended and its last message is this old [s].
-    """
-
-    name: str
-    priority: int
-    timeout: float
-
-
-GESTURE = Source("gesture", 10, math.inf)
-TELEOP = Source("teleop", 100, 0.5)
-
 
 class MotionMux:
     """Merges the trajectories of several sources into one.
 
-    A joint that nobody owns coasts to rest and stays. While stopped, none has an owner.
+    A joint that nobody owns brakes and stays. While stopped, none has an owner.
 
     Args:
-        joints: The j joints.
+        limits: The j joints, and what they may do.
         positions: (j,) where they are at the start [rad].
-        sources: Who may ask for motion. The lock masks GESTURE alone.
+        sources: Who may ask for motion.
+        locks: What masks them. One with a timeout is engaged until it is heard.
 
     Attributes:
         joints: The j joints.
-        locked: While true, gestures are masked.
         stopped: True from `stop` to `reset`.
     """
 
     def __init__(
-        self, joints: tuple[str, ...], positions: np.ndarray, sources: tuple[Source, ...] = (GESTURE, TELEOP)
+        self,
+        limits: JointLimits,
+        positions: np.ndarray,
+        sources: Iterable[Source],
+        locks: Iterable[Lock] = (),
     ):
-        self.joints = joints
-        self.locked = False
+        self.joints = joints = limits.joints
+        self._limits = limits
         self.stopped = False
+        self._locks = {lock.name: lock for lock in locks}
+        self._lock_heard = {lock.name: (False, -np.inf) for lock in locks}
         self._sources = sorted(sources, key=lambda source: source.priority)
-        self._plans = {source.name: Overlay(joints, HALF_LIFE) for source in sources}
-        self._heard = {source.name: np.full(len(joints), -np.inf) for source in sources}
+        self._plans = {source.name: Overlay(joints, HALF_LIFE) for source in self._sources}
+        self._heard = {source.name: np.full(len(joints), -np.inf) for source in self._sources}
         self._owner = np.full(len(joints), NOBODY, object)
         # Each joint leaves the motion it had when its owner changed.
         self._changed = np.full(len(joints), -np.inf)
         self._left_position = np.array(positions, float)
         self._left_velocity = np.zeros(len(joints))
+        self._blend = np.full(len(joints), BLEND)
 
     @property
     def owners(self) -> dict[str, str]:
@@ -89,9 +81,23 @@ class MotionMux:
         self._plans[name].add(trajectory, now)
         self._heard[name][np.isin(self.joints, trajectory.joints)] = now
 
-    def set_lock(self, locked: bool) -> None:
-        """Mask gestures, or let them through again."""
-        self.locked = locked
+    def set_lock(self, name: str, engaged: bool, now: float) -> None:
+        """Engage a lock, or release it.
+
+        Raises:
+            InvalidValueError: It is unknown.
+        """
+        if name not in self._locks:
+            raise InvalidValueError("unknown lock", name, self._locks)
+        self._lock_heard[name] = engaged, now
+
+    def locks(self, now: float) -> list[Lock]:
+        """The locks that are engaged, also for want of a word from their publisher."""
+        return [
+            lock
+            for lock, (engaged, heard) in zip(self._locks.values(), self._lock_heard.values(), strict=True)
+            if engaged or now - heard > lock.timeout
+        ]
 
     def stop(self) -> None:
         """Let all joints brake and hold, whoever asks for motion, until `reset`."""
@@ -111,6 +117,12 @@ class MotionMux:
             self._left_velocity = np.where(changed, velocities[0], self._left_velocity)
             self._changed = np.where(changed, now, self._changed)
             self._owner = owner
+            asked, speeds = self._asked(np.array([now]))
+            distance = np.nan_to_num(asked[0] - self._left_position)
+            speed = np.nan_to_num(speeds[0] - self._left_velocity)
+            limits = SHARE * self._limits.velocity, SHARE * self._limits.acceleration
+            blend = np.maximum(easing_time(distance, speed, *limits), BLEND)
+            self._blend = np.where(changed, blend, self._blend)
         self._forget_lapsed(now)
         times = now + HORIZON
         return JointTrajectory(self.joints, times, *self._command(times))
@@ -124,8 +136,9 @@ class MotionMux:
         if self.stopped:
             return np.full(len(self.joints), STOP, object)
         owner = np.full(len(self.joints), NOBODY, object)
+        masked = max((lock.priority for lock in self.locks(now)), default=-1)
         for source in self._sources:
-            if not (self.locked and source.name == GESTURE.name):
+            if source.priority > masked:
                 planned = self._plans[source.name].ends() > -np.inf
                 owner[planned & ~self._lapsed(source, now)] = source.name
         return owner
@@ -138,14 +151,23 @@ class MotionMux:
                 {joint for joint, gone in zip(self.joints, lapsed, strict=True) if gone}
             )
 
-    def _command(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, j) positions [rad] and velocities [rad/s] under the present owners."""
-        elapsed = times[:, None] - self._changed
-        leaving = coast(self._left_position, self._left_velocity, elapsed)
-        positions, velocities = leaving[0].copy(), leaving[1].copy()
+    def _asked(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, j) positions [rad] and velocities [rad/s] that the owners plan; NaN where there is none."""
+        positions = np.full((len(times), len(self.joints)), np.nan)
+        velocities = positions.copy()
         for name, plan in self._plans.items():
             own = self._owner == name
             if own.any():
-                eased = ease(leaving, plan.at(times), elapsed, BLEND)
-                positions[:, own], velocities[:, own] = eased[0][:, own], eased[1][:, own]
+                where, speed = plan.at(times)
+                positions[:, own], velocities[:, own] = where[:, own], speed[:, own]
         return positions, velocities
+
+    def _command(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, j) positions [rad] and velocities [rad/s] under the present owners."""
+        elapsed = times[:, None] - self._changed
+        share = np.where(self._owner == STOP, BRAKING, SHARE)
+        leaving = brake(self._left_position, self._left_velocity, elapsed, share * self._limits.acceleration)
+        asked = self._asked(times)
+        eased = ease(leaving, asked, elapsed, self._blend)
+        owned = ~np.isnan(asked[0])
+        return np.where(owned, eased[0], leaving[0]), np.where(owned, eased[1], leaving[1])

@@ -12,6 +12,7 @@ from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo.arbitration import load_arbitration
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.health import HEALTH_ADDRESS, HEALTH_SIZE
@@ -165,7 +166,7 @@ def test_goals_are_sent_ahead_of_the_servos_lag(wire, lag_ms, left):
 def test_a_stop_brakes_evenly_also_where_goals_are_sent_ahead(wire):
     driver = Driver(robot_with(on_exit="off", lag_ms=45.0), wire.port)
     driver.start()
-    mux = MotionMux(ROBOT.joints, ROBOT.rest)
+    mux = MotionMux(ROBOT.limits, ROBOT.rest, load_arbitration()[0])
     times = T0 + np.arange(0.0, 4.0, 0.02)
     swing = ROBOT.rest[ELBOW] + 0.5 - 0.5 * np.cos(2 * np.pi * 0.6 * (times - T0))
     speed = 0.5 * 2 * np.pi * 0.6 * np.sin(2 * np.pi * 0.6 * (times - T0))

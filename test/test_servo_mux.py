@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.base.errors import FileFormatError, InvalidValueError
+from gesture_bot.base.files import config_dir
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.retarget.follower import JointLimits
+from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo.arbitration import Lock, Source, load_arbitration
 from gesture_bot.servo.mux import MotionMux
 
 JOINTS = ("left", "right", "head")
 REST = np.array([0.1, -0.1, 0.0])
+SOURCES, LOCKS = load_arbitration()
+LIMITS = JointLimits(JOINTS, np.full(3, -2.0), np.full(3, 2.0), np.full(3, 30.0), np.full(3, 100.0))
 T0 = 1.7e9
 DT = 0.02
 
@@ -49,14 +55,14 @@ def assert_smooth(positions, velocities):
 
 
 def test_it_begins_at_rest_owned_by_nobody():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     trajectory = mux.tick(T0)
     np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (7, 1)))
     assert set(mux.owners.values()) == {"nobody"}
 
 
 def test_a_gesture_is_taken_up_smoothly_then_followed_and_its_last_point_held():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     gesture = wave(seconds=2.0)
     mux.set_source("gesture", gesture, T0)
     times, positions, velocities = play(mux, T0, 4.0)
@@ -68,7 +74,7 @@ def test_a_gesture_is_taken_up_smoothly_then_followed_and_its_last_point_held():
 
 
 def test_a_new_gesture_replaces_the_old_from_its_first_point_on():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     old, new = wave(), wave(start=T0 + 2.0, amplitude=0.25, rate=2.0)  # as fast at its start, then different
     mux.set_source("gesture", old, T0)
     play(mux, T0, 1.0)
@@ -81,7 +87,7 @@ def test_a_new_gesture_replaces_the_old_from_its_first_point_on():
 
 @pytest.mark.parametrize("offset", np.linspace(0.0, 0.98, 8))
 def test_teleop_takes_one_arm_and_gives_it_back_without_a_step(offset):
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     gesture = wave(seconds=8.0)
     mux.set_source("gesture", gesture, T0)
     play(mux, T0, 1.0)
@@ -106,7 +112,7 @@ def test_teleop_takes_one_arm_and_gives_it_back_without_a_step(offset):
 
 
 def test_teleop_keeps_a_joint_while_its_messages_come():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     for k in range(20):
         mux.set_source("teleop", pose("head", 0.3, T0 + 0.2 * k), T0 + 0.2 * k)
         _, positions, velocities = play(mux, T0 + 0.2 * k, 0.2)
@@ -119,7 +125,7 @@ def test_teleop_keeps_a_joint_while_its_messages_come():
 
 
 def test_teleop_that_comes_back_does_not_begin_where_it_once_ended():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     mux.set_source("teleop", pose("left", 0.8, T0), T0)
     play(mux, T0, 2.0)
     mux.set_source("gesture", pose("left", -0.5, T0 + 2.0), T0 + 2.0)
@@ -142,7 +148,7 @@ def name_targets(mux, targets, start):
 
 
 def test_a_target_named_again_and_again_is_approached_smoothly():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     _, positions, velocities = name_targets(mux, [0.0] * 10 + [1.0] * 25, T0)
     assert_smooth(positions, velocities)
     assert np.abs(velocities[:, 2]).max() == pytest.approx(1.7, abs=0.1)
@@ -151,7 +157,7 @@ def test_a_target_named_again_and_again_is_approached_smoothly():
 
 
 def test_targets_that_move_are_followed_evenly():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     _, positions, velocities = name_targets(mux, 0.05 * np.arange(40), T0)
     assert_smooth(positions, velocities)
     np.testing.assert_allclose(velocities[100:, 2], 0.5, atol=0.12)
@@ -160,7 +166,7 @@ def test_targets_that_move_are_followed_evenly():
 @pytest.mark.parametrize("late", [0.0, 0.06, 0.3])
 def test_a_jump_between_gestures_is_joined_smoothly(late):
     """Also when the new one is heard only after it has begun."""
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     old, new = wave(), wave(start=T0 + 1.1, amplitude=-0.5, rate=0.5)
     mux.set_source("gesture", old, T0)
     _, *before = play(mux, T0, 1.1 + late)
@@ -171,10 +177,10 @@ def test_a_jump_between_gestures_is_joined_smoothly(late):
 
 
 def test_a_lock_masks_gestures_but_not_teleop():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     mux.set_source("gesture", wave(seconds=10.0), T0)
     play(mux, T0, 1.1)
-    mux.set_lock(True)
+    mux.set_lock("teleop", True, T0)
     _, positions, velocities = play(mux, T0 + 1.1, 1.0)
     assert_smooth(positions, velocities)
     assert np.ptp(positions[-20:], axis=0).max() < 1e-2
@@ -182,14 +188,14 @@ def test_a_lock_masks_gestures_but_not_teleop():
     mux.set_source("teleop", pose("head", 0.4, T0 + 2.1), T0 + 2.1)
     play(mux, T0 + 2.1, 0.3)
     assert mux.owners == {"left": "nobody", "right": "nobody", "head": "teleop"}
-    mux.set_lock(False)
+    mux.set_lock("teleop", False, T0)
     _, positions, velocities = play(mux, T0 + 2.4, 1.5)
     assert_smooth(positions, velocities)
     assert set(mux.owners.values()) == {"gesture"}
 
 
 def test_stop_brakes_and_latches_until_reset():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     mux.set_source("gesture", wave(seconds=10.0), T0)
     _, positions, velocities = play(mux, T0, 1.0)
     mux.stop()
@@ -208,7 +214,7 @@ def test_stop_brakes_and_latches_until_reset():
 
 
 def test_bad_messages_are_refused_and_change_nothing():
-    mux = MotionMux(JOINTS, REST)
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     with pytest.raises(InvalidValueError, match="'tail'; valid: left, right, head"):
         mux.set_source("teleop", pose("tail", 0.0, T0), T0)
     with pytest.raises(InvalidValueError, match="positions must be finite numbers: nan"):
@@ -217,3 +223,81 @@ def test_bad_messages_are_refused_and_change_nothing():
         mux.set_source("ghost", pose("left", 0.0, T0), T0)
     mux.tick(T0)
     assert set(mux.owners.values()) == {"nobody"}
+
+
+def test_a_lock_masks_the_sources_of_its_priority_and_below_and_a_dead_publisher_locks():
+    sources = (Source("gesture", 10), Source("show", 50), Source("teleop", 100))
+    lock = Lock("guard", 50, timeout=0.3)
+    mux = MotionMux(LIMITS, REST, sources, [lock])
+    for source in sources:
+        mux.set_source(source.name, wave((JOINTS[sources.index(source)],), T0), T0)
+
+    def owners(now):
+        mux.tick(now)
+        return list(mux.owners.values())
+
+    assert owners(T0) == ["nobody", "nobody", "teleop"], "nobody has released it yet"
+    mux.set_lock("guard", False, T0 + 0.1)
+    assert owners(T0 + 0.2) == ["gesture", "show", "teleop"]
+    assert mux.locks(T0 + 0.2) == []
+    assert owners(T0 + 0.5) == ["nobody", "nobody", "teleop"]
+    assert mux.locks(T0 + 0.5) == [lock]
+    mux.set_lock("guard", False, T0 + 0.6)
+    assert owners(T0 + 0.7) == ["gesture", "show", "teleop"]
+    with pytest.raises(InvalidValueError, match=r"gard.*guard"):
+        mux.set_lock("gard", True, T0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("priority: 100", "priority: 300"), "line 11: sources.teleop.priority.*255"),
+        (("timeout: 0.5", "timeout: -1"), "timeout.*greater than 0"),
+        (("priority: 100", "priority: 10"), "same priority"),
+        (("topic: teleop/lock", "topic: teleop/joint_trajectory"), "twice"),
+        (("  teleop:\n    topic: teleop/j", "  stop:\n    topic: teleop/j"), "'stop' is no name"),
+        (("timeout: 0.5", "time: 0.5"), "line 12: sources.teleop.time"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tmp_path, change, words):
+    text = (config_dir() / "motion_mux.yaml").read_text()
+    assert change[0] in text
+    (tmp_path / "mux.yaml").write_text(text.replace(*change, 1))
+    with pytest.raises(FileFormatError, match=words):
+        load_arbitration(str(tmp_path / "mux.yaml"))
+
+
+def swing(rng, limits, start, seconds):
+    """All joints at random about the middle of their range, inside half of what they may do."""
+    times = start + np.arange(0, seconds, 0.02)
+    rate = 2 * np.pi * rng.uniform(0.2, 0.8, len(limits.joints))
+    amplitude = np.minimum(0.45 * (limits.upper - limits.lower), 0.5 * limits.velocity / rate)
+    amplitude = np.minimum(amplitude, 0.4 * limits.acceleration / rate**2)
+    phase = rate * (times - start)[:, None] + rng.uniform(0, 2 * np.pi, len(limits.joints))
+    middle = (limits.lower + limits.upper) / 2
+    positions, velocities = middle + amplitude * np.sin(phase), amplitude * rate * np.cos(phase)
+    return JointTrajectory(limits.joints, times, positions, velocities)
+
+
+def test_no_hand_over_asks_for_more_than_the_robot_can_do():
+    robot = load_robot("toa")
+    rng = np.random.default_rng(0)
+    limits, dt = robot.limits, 0.04
+    asked, steps = [], np.arange(0.0, dt, 0.01)
+    mux = MotionMux(limits, robot.rest, SOURCES)
+    now = T0
+    for _ in range(500):  # each takes and gives back: 1,000 hand-overs
+        length = 0.2 + rng.uniform(0, 1.0)
+        mux.set_source("gesture", swing(rng, limits, now, 6.0), now)
+        take = now + 1.5 + rng.uniform(0, 1.0)
+        teleop = swing(rng, limits, take, length)
+        while now < take + length + 2.5:
+            if now >= take and teleop is not None:
+                mux.set_source("teleop", teleop, now)
+                teleop = None
+            plan = mux.tick(now)
+            asked += list(plan.at(now + steps)[0])
+            now += dt
+    acceleration = np.diff(asked, 2, axis=0) / 0.01**2
+    share = np.abs(acceleration) / limits.acceleration
+    assert np.quantile(share, 0.999) < 1
