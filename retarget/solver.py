@@ -41,8 +41,8 @@ class DirectionSolver:
     """Joint angles whose links point as a person's do.
 
     Minimises, inside the position limits, the weighted squared differences of directions and the weighted
-    squared distances to the angles before and to the rest pose, and keeps the arms off the robot. Joints between base and torso stay where
-    they are.
+    squared distances to the angles before and to the rest pose, and keeps the arms off the robot itself.
+    Joints between base and torso stay where they are.
 
     Args:
         robot: For whom.

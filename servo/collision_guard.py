@@ -1,4 +1,4 @@
-"""The arms do not touch each other or the body: the part of the safety envelope that knows the robot's shape."""
+"""The part of the safety envelope that knows the robot's shape, and keeps its arms off the rest of it."""
 
 import numpy as np
 
@@ -15,8 +15,8 @@ ROUNDING = 1e-5
 class CollisionGuard:
     """Looks ahead: can all joints come to rest from where they are, as fast as they can, without a touch?
 
-    As long as that is so for the state after each tick, braking always helps. What is too close from the start
-    may not come closer.
+    As long as that is so for the state after each tick, braking always helps. What is too close from the
+    start may not come closer.
 
     Args:
         robot: Whose arms.
@@ -44,8 +44,8 @@ class CollisionGuard:
     def touching(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
         """Which joints bring shapes too close to each other before they all have come to rest.
 
-        The way is followed in steps that no shape can pass another in (conservative advancement: Mirtich 1996,
-        Impulse-based Dynamic Simulation, 2.3).
+        The way is followed in steps that no shape can pass another in (conservative advancement: Mirtich
+        1996, Impulse-based Dynamic Simulation, 2.3).
 
         Args:
             positions: (j,) [rad].
