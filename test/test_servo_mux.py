@@ -1,5 +1,8 @@
 """The motion mux: who owns a joint, and how it passes from one owner to the next."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -9,12 +12,13 @@ from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.follower import JointLimits
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.arbitration import Lock, Source, load_arbitration
+from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.mux import MotionMux
 
 JOINTS = ("left", "right", "head")
 REST = np.array([0.1, -0.1, 0.0])
 SOURCES, LOCKS = load_arbitration()
-LIMITS = JointLimits(JOINTS, np.full(3, -2.0), np.full(3, 2.0), np.full(3, 30.0), np.full(3, 100.0))
+LIMITS = JointLimits(JOINTS, np.full(3, -2.0), np.full(3, 2.0), np.full(3, 30.0), np.full(3, 90.0))
 T0 = 1.7e9
 DT = 0.02
 
@@ -195,7 +199,7 @@ def test_a_lock_masks_gestures_but_not_teleop():
 
 
 def test_stop_brakes_and_latches_until_reset():
-    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
+    mux = MotionMux(replace(LIMITS, acceleration=np.full(3, 44.0)), REST, SOURCES, LOCKS)
     mux.set_source("gesture", wave(seconds=10.0), T0)
     _, positions, velocities = play(mux, T0, 1.0)
     mux.stop()
@@ -279,25 +283,29 @@ def swing(rng, limits, start, seconds):
     return JointTrajectory(limits.joints, times, positions, velocities)
 
 
-def test_no_hand_over_asks_for_more_than_the_robot_can_do():
+def test_a_thousand_hand_overs_stay_inside_the_limits_and_close_to_what_is_asked():
     robot = load_robot("toa")
     rng = np.random.default_rng(0)
-    limits, dt = robot.limits, 0.04
-    asked, steps = [], np.arange(0.0, dt, 0.01)
-    mux = MotionMux(limits, robot.rest, SOURCES)
+    limits, steps = robot.limits, np.arange(0.0, 0.04, 0.01)
+    mux, envelope = MotionMux(limits, robot.rest, SOURCES), Envelope(limits, 0.01, robot.rest)
+    sent, off, owners = [robot.rest], [], []
     now = T0
-    for _ in range(500):  # each takes and gives back: 1,000 hand-overs
-        length = 0.2 + rng.uniform(0, 1.0)
-        mux.set_source("gesture", swing(rng, limits, now, 6.0), now)
-        take = now + 1.5 + rng.uniform(0, 1.0)
-        teleop = swing(rng, limits, take, length)
-        while now < take + length + 2.5:
-            if now >= take and teleop is not None:
+    mux.set_source("gesture", swing(rng, limits, now, 1500.0), now)
+    for _ in range(500):  # each takes and gives back
+        take = now + rng.uniform(0.5, 1.0)
+        teleop = swing(rng, limits, take, rng.uniform(0.2, 0.8))
+        end = teleop.times[-1] + 0.8
+        while now < end:
+            if teleop is not None and now >= take:
                 mux.set_source("teleop", teleop, now)
                 teleop = None
-            plan = mux.tick(now)
-            asked += list(plan.at(now + steps)[0])
-            now += dt
-    acceleration = np.diff(asked, 2, axis=0) / 0.01**2
-    share = np.abs(acceleration) / limits.acceleration
-    assert np.quantile(share, 0.999) < 1
+            asked, speeds = mux.tick(now).at(now + steps)
+            sent += [envelope.step(*target) for target in zip(asked, speeds, strict=True)]
+            off.append(np.abs(sent[-1] - asked[-1]).max())
+            owners.append(mux.owners["head_pan"])
+            now += 0.04
+    assert sum(one != other for one, other in pairwise(owners)) >= 999
+    velocity = np.diff(sent, axis=0) / 0.01
+    assert (np.abs(np.diff(velocity, axis=0)) <= limits.acceleration * 0.01 + 1e-9).all()
+    assert (np.abs(velocity) <= limits.velocity + 1e-9).all()
+    assert np.quantile(off[100:], 0.99) < 0.01 and max(off[100:]) < 0.1
