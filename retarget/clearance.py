@@ -110,7 +110,7 @@ class Clearance:
         self._kinematics.place(angles)
 
     def distance(self, pair: int, limit: float) -> float:
-        """Between the shapes of a pair, where the joints are now [m]; the limit, if they are farther apart."""
+        """Between the shapes of a pair, where the joints are now [m]; the limit, if that is less."""
         one, other = self._pairs[pair]
         return float(
             mujoco.mj_geomDistance(
