@@ -1,6 +1,5 @@
 """The driver on a virtual bus: what reaches the servos, what comes back, and what happens in trouble."""
 
-import threading
 import time
 from dataclasses import replace
 
@@ -285,24 +284,22 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(terminal, monke
     bus.close()
 
 
-def test_a_state_whose_moment_is_not_known_is_told(driver, wire, monkeypatch):
-    elbow, slow = wire.servos[ELBOW_ID], threading.Event()
+def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
+    wire = simulated_bus(ROBOT)
+    driver, elbow, late = Driver(robot_with(on_exit="off"), wire.port), wire.servos[ELBOW_ID], False
     answer = elbow.read
 
-    def slowly(address, size):
-        if address == PRESENT_ADDRESS and slow.is_set():
-            time.sleep(0.02)
+    def answer_late(address, size):
+        wire.port.clock.sleep(0.006 if late else 0.0)
         return answer(address, size)
 
-    monkeypatch.setattr(elbow, "read", slowly)
-    prompt = []
-    for tenth in range(10):
-        slow.clear()
-        prompt.append([feedback.prompt for feedback in run(driver, 0.09, T0 + 0.1 * tenth)])
-        slow.set()
-        assert not driver.tick(T0 + 0.1 * tenth + 0.09).prompt
-    assert np.mean(prompt) > 0.3
-    assert driver.status.late_answers == 10 + np.size(prompt) - np.sum(prompt)
+    driver.start()
+    monkeypatch.setattr(elbow, "read", answer_late)
+    for k in range(100):
+        late = k % 10 == 9
+        assert driver.tick(T0 + k * DT).prompt == (not late)
+    assert driver.status.late_answers == 10
+    driver.close()
 
 
 def test_a_port_that_does_not_exist_is_named():
