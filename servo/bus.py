@@ -21,6 +21,7 @@ from serial import SerialException
 from serial.tools.list_ports import comports
 
 from gesture_bot.base.errors import BusError, PortError
+from gesture_bot.servo.latency_timer import shorten
 from gesture_bot.servo.models import REGISTERS
 
 READ_WAIT = 0.002
@@ -76,8 +77,10 @@ class Port(PortHandler):
         written_at: When the last packet was sent, on the clock [s].
         heard: What has come since then.
         clock: Tells the time.
+        latency_timer: Of a USB adapter that has one [ms], else None.
     """
 
+    latency_timer: int | None = None
     reply_wait = PATIENT_WAIT
     written_at = 0.0
     heard = b""
@@ -87,6 +90,7 @@ class Port(PortHandler):
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
         self.ser.exclusive = True
+        self.latency_timer = shorten(self.ser)
         return True
 
     def writePort(self, packet: list[int]) -> int:  # noqa: D102, N802
@@ -170,6 +174,11 @@ class Bus:
             raise BusError("cannot open the serial port", self.port, ports) from error
         if not opened:
             raise BusError("the SDK does not know this baud rate", baudrate)
+
+    @property
+    def latency_timer(self) -> int | None:
+        """Of a USB adapter that has one [ms]: answers wait as long in it."""
+        return self._port.latency_timer
 
     @property
     def asked_at(self) -> float:

@@ -84,6 +84,7 @@ class Driver:
             BusError: The port cannot be opened; a servo is missing, of another model, or not well.
         """
         bus = Bus(self._port, self._robot.bus.baudrate)
+        self.status.latency_timer = bus.latency_timer
         try:
             check_servos(bus, self._robot)
             for servo in self._robot.servos:

@@ -47,6 +47,7 @@ class Status:
         blocks: How often a joint has begun to yield.
         holding: Whether all joints hold since one is out of service, or hot.
         ports_lost: How often the port has vanished.
+        latency_timer: How long the USB adapter keeps answers back [ms], where it has such a timer.
         command_age: Time since the last new trajectory [s]; inf before the first.
         interventions: What the envelope held back.
         health: Health by joint, each looked at in turn.
@@ -64,6 +65,7 @@ class Status:
     blocks: int = 0
     holding: bool = False
     ports_lost: int = 0
+    latency_timer: int | None = None
     command_age: float = math.inf
     interventions: Interventions = field(default_factory=Interventions)
     health: dict[str, Health] = field(default_factory=dict)

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo import latency_timer
 from gesture_bot.servo.arbitration import load_arbitration
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.driver import Driver
@@ -300,6 +302,21 @@ def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
         assert driver.tick(T0 + k * DT).prompt == (not late)
     assert driver.status.late_answers == 10
     driver.close()
+
+
+def test_a_slow_usb_adapter_is_told(tmp_path, monkeypatch):
+    with recorded_bus(ROBOT) as wire:
+        driver = Driver(robot_with(on_exit="off"), wire.port)
+        driver.start()
+        assert driver.status.latency_timer is None, "a pseudo-terminal has no such timer"
+        driver.close()
+        timer = tmp_path / Path(wire.port).name / "latency_timer"
+        timer.parent.mkdir()
+        timer.write_text("16\n")
+        monkeypatch.setattr(latency_timer, "DEVICES", tmp_path)
+        driver.start()
+        assert driver.status.latency_timer == 16
+        driver.close()
 
 
 def test_a_port_that_does_not_exist_is_named():
