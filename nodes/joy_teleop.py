@@ -7,7 +7,7 @@ from sensor_msgs.msg import Joy
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.nodes.node import PLAN
-from gesture_bot.nodes.operator import Operator
+from gesture_bot.nodes.teleop import Operator
 from gesture_bot.retarget.kinematics import arm_joints
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.gamepad import SIDES, load_gamepad

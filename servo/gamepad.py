@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.files import config_dir, read_yaml
+from gesture_bot.servo.jog import USED
 
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
@@ -52,7 +53,7 @@ class Gamepad(_Section):
     """
 
     stop: Index
-    speed: float = Field(gt=0, le=1)
+    speed: float = Field(gt=0, le=USED)
     dead_zone: float = Field(ge=0, lt=1)
     left_arm: Arm
     right_arm: Arm

@@ -23,8 +23,8 @@ HELD_ON = 4
 """So many ticks the motion goes on when the next trajectory does not come; then it brakes."""
 
 LEASH = 0.3
-"""What is asked of a joint goes no farther from where the joint is [rad]: one that is stopped, blocked or kept
-off another link must not leap when it comes free."""
+"""What is asked of a joint goes no farther from where the joint is [rad]: one that is stopped, or blocked, or
+kept off another link, must not leap when it comes free."""
 
 
 class Jog:
@@ -71,12 +71,10 @@ class Jog:
         new = self._mask(joints) & ~self._taken
         if np.isnan(measured[new]).any():
             lost = [joint for joint, i in zip(self.joints, new & np.isnan(measured), strict=True) if i]
-            raise InvalidValueError("it is not known where a joint is", ", ".join(lost))
+            raise InvalidValueError("no joint state tells where a joint is", ", ".join(lost))
         inside = np.clip(measured, self._limits.lower, self._limits.upper)
         follower = self._follower
-        follower.reset(
-            np.where(new, inside, follower.position), np.where(new, 0.0, follower.velocity)
-        )
+        follower.reset(np.where(new, inside, follower.position), np.where(new, 0.0, follower.velocity))
         self._velocity = np.where(new, 0.0, self._velocity)
         self._goal = np.where(new, np.nan, self._goal)
         self._taken |= new
@@ -128,7 +126,9 @@ class Jog:
         while ahead.velocity.any():
             states.append(ahead.brake())
         positions, velocities = (np.array(values)[:, self._taken] for values in zip(*states, strict=True))
-        return JointTrajectory(self.taken, self._time + PERIOD * np.arange(len(states)), positions, velocities)
+        return JointTrajectory(
+            self.taken, self._time + PERIOD * np.arange(len(states)), positions, velocities
+        )
 
     def _step(self, follower: Follower, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Move a follower for one tick as the operator wants."""
