@@ -16,15 +16,15 @@ from gesture_bot.retarget.robot import Robot
 STEPS = {"left": -1.0, "right": 1.0, "shift-left": -10.0, "shift-right": 10.0, ",": -10.0, ".": 10.0}
 """How far a key moves a joint [degrees]."""
 
-BAR = 20
+BAR = 16
 """Width of a bar, in characters."""
 
 OTHER_LINES = 13
 """Lines of the screen that show no joint."""
 
 HELP = (
-    "↑ ↓ choose    ← → move by 1°, or choose a pose    , . move by 10°    enter go to the pose\n"
-    "g give it back    space stop    r reset    q give all back and end"
+    "↑ ↓ choose   ← → move by 1°, or choose a pose   , . by 10°   enter go to pose\n"
+    "g give it back   space stop   r reset   q give all back and end"
 )
 
 
@@ -102,7 +102,7 @@ class Panel:
     def _joint_table(self, shown: int) -> Table:
         table = Table(box=None, pad_edge=False)
         table.add_column("joint", no_wrap=True)
-        for column in ("is at", "goes to", "from"):
+        for column in ("is at", "goal", "from"):
             table.add_column(column, justify="right", no_wrap=True, min_width=6)
         table.add_column("")
         table.add_column("to", justify="right", no_wrap=True)

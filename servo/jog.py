@@ -22,9 +22,9 @@ GOING = 0.25
 HELD_ON = 4
 """So many ticks the motion goes on when the next trajectory does not come; then it brakes."""
 
-LEASH = 0.3
-"""What is asked of a joint goes no farther from where the joint is [rad]: one that is stopped, or blocked, or
-kept off another link, must not leap when it comes free."""
+LEASH = 0.4
+"""What is asked of a joint goes no farther from where the joint is [rad], and slower from half of it on. So one
+that was stopped, or blocked, or kept off another link, does not leap when it comes free."""
 
 
 class Jog:
@@ -133,16 +133,16 @@ class Jog:
     def _step(self, follower: Follower, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Move a follower for one tick as the operator wants."""
         pushed = np.isnan(self._goal)
-        share = np.where(pushed, USED, GOING)
-        follower.limits = replace(follower.limits, velocity=share * self._limits.velocity)
-        # Coasting to rest leads here; half a tick of a velocity more leads to that velocity.
-        rest = follower.position + 0.5 * PERIOD * follower.velocity
         speed = np.where(pushed, self._velocity * self._limits.velocity, 0.0)
-        target = np.where(pushed, rest + 0.5 * PERIOD * speed, self._goal)
+        # Coasting to rest leads half a tick ahead; half a tick of a velocity more leads to that velocity.
+        pushing = follower.position + 0.5 * PERIOD * (follower.velocity + speed)
+        target = np.where(pushed, pushing, self._goal)
         lead = follower.position - measured
-        leashed = ~(np.abs(lead) < LEASH) & ~(lead * (target - follower.position) < 0)
-        held = leashed | ~self._taken
-        return follower.step(np.where(held, rest, target), np.where(held, 0.0, speed))
+        returning = lead * (target - follower.position) < 0
+        free = np.nan_to_num(np.clip(2.0 * (1.0 - np.abs(lead) / LEASH), 0.0, 1.0))
+        share = np.minimum(np.where(pushed, USED, GOING), USED * np.where(returning, 1.0, free)) * self._taken
+        follower.limits = replace(follower.limits, velocity=share * self._limits.velocity)
+        return follower.step(target, speed)
 
     def _set(self, values: Mapping[str, float], into: np.ndarray) -> None:
         for joint in values:

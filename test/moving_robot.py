@@ -1,10 +1,10 @@
 """A graph in this process: nodes, and a robot that is where `joint_trajectory` wants it."""
 
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -43,13 +43,18 @@ def spinning(*classes):
     nodes = [node_class(context=context) for node_class in classes]
     for node in nodes:
         executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, daemon=True)
+
+    def spin():
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    thread = threading.Thread(target=spin)
     thread.start()
     try:
         yield nodes
     finally:
-        executor.shutdown()
         rclpy.shutdown(context=context)
         thread.join(5)
+        executor.shutdown()
         for node in nodes:
             node.destroy_node()
