@@ -54,18 +54,15 @@ class Poses:
             present: (j,) where all joints are [rad]; of the ways to a pose, the nearest is taken.
         """
         if name == REST:
-            pose, moved = self._robot.rest, self.parts[part]
+            pose, moved = self._robot.rest, set(self.parts[part])
         else:
             pose, moved = self._posed(name, present), set(self.parts[part]) & set(self.parts["both arms"])
-        return {
-            joint: float(angle)
-            for joint, angle in zip(self._robot.joints, pose, strict=True)
-            if joint in moved
-        }
+        angles = zip(self._robot.joints, pose, strict=True)
+        return {joint: float(angle) for joint, angle in angles if joint in moved}
 
     def _posed(self, name: str, present: np.ndarray) -> np.ndarray:
         """(j,) both arms in a pose [rad]."""
-        held = Keyframes([Keyframe(time=0.0, both=self._shared[name])])
+        held = Keyframes([Keyframe(time=0.0, hold=0.0, both=self._shared[name])])
         body = STANDARD[None]
         for side in SIDES:
             arm = held.arm(side, np.zeros(1), STANDARD)

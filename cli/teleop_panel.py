@@ -19,7 +19,7 @@ STEPS = {"left": -1.0, "right": 1.0, "shift-left": -10.0, "shift-right": 10.0, "
 BAR = 16
 """Width of a bar, in characters."""
 
-OTHER_LINES = 13
+OTHER_LINES = 11
 """Lines of the screen that show no joint."""
 
 HELP = (
@@ -61,7 +61,7 @@ class Panel:
             elif key == "g":
                 self._jog.give_back(self._joints(row))
             elif key == "q":
-                self._jog.give_back(self._jog.taken)
+                self._operator.give_all_back()
                 self.running = False
             elif key in STEPS and row in self._pose:
                 self._pose[row] = (self._pose[row] + int(math.copysign(1, STEPS[key]))) % len(
@@ -102,9 +102,9 @@ class Panel:
     def _joint_table(self, shown: int) -> Table:
         table = Table(box=None, pad_edge=False)
         table.add_column("joint", no_wrap=True)
-        for column in ("is at", "goal", "from"):
-            table.add_column(column, justify="right", no_wrap=True, min_width=6)
-        table.add_column("")
+        for title in ("is at", "goal", "from"):
+            table.add_column(title, justify="right", no_wrap=True, min_width=6)
+        table.add_column("", width=BAR)
         table.add_column("to", justify="right", no_wrap=True)
         table.add_column("owner", no_wrap=True)
         joints, limits = self._robot.joints, self._robot.limits
@@ -112,13 +112,14 @@ class Panel:
         measured, goals = self._operator.measured, self._jog.goals
         for column in range(first, min(first + shown, len(joints))):
             lower, upper = limits.lower[column], limits.upper[column]
-            share = (measured[column] - lower) / (upper - lower)
+            place = np.clip((measured[column] - lower) / (upper - lower), 0.5 / BAR, 1 - 0.5 / BAR)
+            bar = Bar(1.0, place - 0.5 / BAR, place + 0.5 / BAR, width=BAR, color="cyan", bgcolor="grey30")
             table.add_row(
                 joints[column],
                 _degrees(measured[column]),
                 _degrees(goals[column]),
                 _degrees(lower),
-                Bar(1.0, share - 0.5 / BAR, share + 0.5 / BAR, width=BAR, color="cyan", bgcolor="grey30"),
+                "" if np.isnan(place) else bar,
                 _degrees(upper),
                 self._owner(joints[column]),
                 style="reverse" if column == self._row else None,
@@ -149,5 +150,5 @@ class Panel:
         )
 
 
-def _degrees(angle: float) -> str:
+def _degrees(angle: np.floating) -> str:
     return "" if math.isnan(angle) else f"{math.degrees(angle):z.1f}°"

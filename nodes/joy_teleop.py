@@ -35,10 +35,15 @@ class JoyTeleop(Operator):
         self._following = False
         self._heard = -float("inf")
         self._stopped = False
-        self._let_go = set(SIDES)  # whose deadman has been free since the start, or the last stop
+        self._let_go = set(SIDES)  # arms whose button has been free since the last stop
         self._told = ""
         self.listen(Joy, "joy", self._on_joy, PLAN)
         self.waits_for("a gamepad on joy")
+
+    def give_all_back(self) -> None:
+        """Leave both arms, each until its button has been let go and is pressed again."""
+        super().give_all_back()
+        self._let_go.clear()
 
     def _on_joy(self, message: Joy) -> None:
         self._heard = time.monotonic()
@@ -49,7 +54,7 @@ class JoyTeleop(Operator):
         try:
             self._obey(message)
         except GestureBotError as error:
-            self._release()
+            self.jog.give_back(self.jog.taken)
             # The same again, twenty times a second, helps nobody.
             if str(error) != self._told:
                 self._told = str(error)
@@ -61,8 +66,9 @@ class JoyTeleop(Operator):
         stopped, self._stopped = self._stopped, self._gamepad.stops(message.buttons)
         if self._stopped and not stopped:
             self.stop()
-            self._let_go.clear()
             self.get_logger().info("stop")
+        if self.stopped:
+            self.give_all_back()
         for side in SIDES:
             joints = self._arms[side]
             velocities = self._gamepad.velocities(side, message.axes, message.buttons, len(joints))
@@ -76,9 +82,6 @@ class JoyTeleop(Operator):
     def _watch(self) -> None:
         silence = time.monotonic() - self._heard
         if silence > SILENT:
-            self._release()
+            self.jog.give_back(self.jog.taken)
         elif silence > QUIET:
             self.jog.move(dict.fromkeys(self.jog.taken, 0.0))
-
-    def _release(self) -> None:
-        self.jog.give_back(self.jog.taken)

@@ -23,8 +23,8 @@ HELD_ON = 4
 """So many ticks the motion goes on when the next trajectory does not come; then it brakes."""
 
 LEASH = 0.4
-"""What is asked of a joint goes no farther from where the joint is [rad], and slower from half of it on. So one
-that was stopped, or blocked, or kept off another link, does not leap when it comes free."""
+"""What is asked of a joint goes no farther from where the joint is [rad], and slower from half of it on. So a
+joint that was stopped, or blocked, or kept off another link, does not leap when it comes free."""
 
 
 class Jog:

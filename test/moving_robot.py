@@ -1,10 +1,10 @@
 """A graph in this process: nodes, and a robot that is where `joint_trajectory` wants it."""
 
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -44,17 +44,20 @@ def spinning(*classes):
     for node in nodes:
         executor.add_node(node)
 
+    ended = threading.Event()
+
     def spin():
-        with suppress(ExternalShutdownException):
-            executor.spin()
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.1)
 
     thread = threading.Thread(target=spin)
     thread.start()
     try:
         yield nodes
     finally:
-        rclpy.shutdown(context=context)
-        thread.join(5)
+        ended.set()
+        thread.join()
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
+        rclpy.shutdown(context=context)

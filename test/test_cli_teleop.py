@@ -14,6 +14,7 @@ import pytest
 from conftest import command, wait_until
 from moving_robot import MovingRobot, spinning
 
+from gesture_bot.cli.main import main
 from gesture_bot.nodes.motion_mux import MotionMux
 from gesture_bot.retarget.robot import load_robot
 
@@ -129,21 +130,25 @@ def test_joints_and_poses_are_chosen_moved_stopped_and_given_back(graph):
     wait_until(lambda: "teleop" not in owners(graph).values(), 2, "all to be given back")
 
 
-def test_a_terminal_is_as_before_however_it_ends(graph):
+def test_a_terminal_is_as_before_however_it_ends():
     with teleop() as terminal:
-        wait_until(lambda: "no joint is yours" in terminal.shows(), 30, "the picture")
+        with spinning(MovingRobot, MotionMux):
+            wait_until(lambda: "no joint is yours" in terminal.shows(), 30, "the picture")
+        wait_until(lambda: "has the graph ended?" in terminal.shows(), 5, "the end of the graph")
+        terminal.type(RIGHT)
+        wait_until(lambda: "no joint state tells where" in terminal.shows(), 5, "the answer")
         terminal.process.send_signal(signal.SIGTERM)
         assert terminal.process.wait(10) == 128 + signal.SIGTERM
         terminal.assert_as_before()
 
 
-def test_it_says_what_it_lacks():
+def test_it_says_that_no_graph_runs():
     with teleop() as terminal:
         assert terminal.process.wait(30) == 1
         wait_until(lambda: "must be running" in terminal.shows(), 2, "the reason")
         assert "no joint of toa is heard on joint_states within 3 s" in " ".join(terminal.shows().split())
-    piped = subprocess.run(
-        command("teleop"), input="q", capture_output=True, text=True, timeout=30, check=False
-    )
-    assert piped.returncode == 1
-    assert "needs a terminal" in piped.stderr and "Traceback" not in piped.stderr
+
+
+def test_it_asks_for_a_terminal(capsys):
+    assert main(["teleop"]) == 1
+    assert "needs a terminal" in capsys.readouterr().err

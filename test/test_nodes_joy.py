@@ -8,6 +8,7 @@ import pytest
 from conftest import wait_until
 from moving_robot import MovingRobot, spinning
 from sensor_msgs.msg import Joy
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -125,6 +126,14 @@ def test_stop_latches_and_a_held_button_must_be_let_go_first(listener, pad):
     time.sleep(0.2)
     pad.message = joy(LEFT_BUTTON, axis3=-1.0)
     wait_until(lambda: owned(listener) == LEFT, 2, "the arm to be taken again")
+
+    stop = listener.create_publisher(Bool, "stop", PLAN)
+    wait_until(lambda: stop.get_subscription_count() == 1, 5, "the mux")
+    stop.publish(Bool(data=True))
+    wait_until(lambda: set(owners(listener).values()) == {"stop"}, 2, "somebody else's stop")
+    sent = len(listener.asked)
+    time.sleep(0.3)
+    assert len(listener.asked) <= sent + 1
 
 
 def test_a_pad_that_lacks_a_button_is_named_once_moves_nothing_and_still_stops(listener, pad, capfd):
