@@ -104,8 +104,8 @@ def test_a_silent_pad_is_let_go(listener, pad):
     wait_until(lambda: position(listener)[ELBOW] > ROBOT.rest[ELBOW] + 0.3, 5, "the elbow to move")
     pad.message, before = None, position(listener)[ELBOW]
     wait_until(lambda: not owned(listener), 3, "the arm to be given back")
-    # It went on for 0.2 s, and to where the plan then ended; what was on its way by then comes to it.
-    assert position(listener)[ELBOW] - before < 0.8 * 0.25 * ROBOT.limits.velocity[ELBOW]
+    # It went on for 0.2 s, and braked; the way through the graph takes 0.1 s more.
+    assert position(listener)[ELBOW] - before < 0.6 * 0.25 * ROBOT.limits.velocity[ELBOW]
 
 
 def test_stop_latches_and_a_held_button_must_be_let_go_first(listener, pad):
