@@ -64,9 +64,8 @@ class Panel:
                 self._operator.give_all_back()
                 self.running = False
             elif key in STEPS and row in self._pose:
-                self._pose[row] = (self._pose[row] + int(math.copysign(1, STEPS[key]))) % len(
-                    self._poses.names
-                )
+                turned = self._pose[row] + (1 if STEPS[key] > 0 else -1)
+                self._pose[row] = turned % len(self._poses.names)
             elif key in STEPS or (key == "enter" and row in self._pose):
                 self._move(row, key)
         except GestureBotError as error:
