@@ -6,7 +6,7 @@ from typing import Any
 from sensor_msgs.msg import Joy
 
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.nodes.node import PLAN
+from gesture_bot.nodes.node import PLAN, diagnostic
 from gesture_bot.nodes.teleop import Operator
 from gesture_bot.retarget.kinematics import arm_joints
 from gesture_bot.retarget.robot import load_robot
@@ -38,6 +38,7 @@ class JoyTeleop(Operator):
         self._let_go = set(SIDES)  # arms whose button has been free since the last stop
         self._told = ""
         self.listen(Joy, "joy", self._on_joy, PLAN)
+        self.every(1.0, self._report)
         self.waits_for("a gamepad on joy")
 
     def give_all_back(self) -> None:
@@ -85,3 +86,9 @@ class JoyTeleop(Operator):
             self.jog.give_back(self.jog.taken)
         elif silence > QUIET:
             self.jog.move(dict.fromkeys(self.jog.taken, 0.0))
+
+    def _report(self) -> None:
+        there = time.monotonic() - self._heard < SILENT
+        held = self.jog.taken if self._following else ()
+        state = f"moves {', '.join(held)}" if held else "no button is held" if there else "no gamepad"
+        self.diagnose(diagnostic("joy teleop", [self._told] if self._told else [], state))

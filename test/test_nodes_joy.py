@@ -77,6 +77,12 @@ def position(node):
     return np.array(node.record.joint_states[-1].message.position)
 
 
+def status(node):
+    """What joy_teleop says on /diagnostics."""
+    statuses = [one for heard in node.record.diagnostics for one in heard.message.status]
+    return ["", *(one.message for one in statuses if one.name == "gesture_bot: joy teleop")][-1]
+
+
 def test_an_arm_moves_while_its_button_is_held_and_is_given_back(listener, pad):
     pad.message = joy(axis1=1.0, axis3=-0.05)
     time.sleep(0.5)
@@ -84,6 +90,7 @@ def test_an_arm_moves_while_its_button_is_held_and_is_given_back(listener, pad):
     pad.message = joy(LEFT_BUTTON, axis1=1.0, axis3=-0.05)
     wait_until(lambda: position(listener)[SHOULDER] > ROBOT.rest[SHOULDER] + 0.3, 5, "the shoulder to move")
     assert owned(listener) == LEFT
+    wait_until(lambda: "moves left_shoulder_pitch, " in status(listener), 3, "the diagnostic")
     others = np.delete(position(listener) - ROBOT.rest, SHOULDER)
     np.testing.assert_allclose(others, 0, atol=1e-6, err_msg="an axis in its dead zone, and the other arm")
     first = listener.asked[0]
@@ -142,6 +149,7 @@ def test_a_pad_that_lacks_a_button_is_named_once_moves_nothing_and_still_stops(l
     said = [line for line in capfd.readouterr().err.splitlines() if "joy: " in line]
     assert len(said) == 1 and "the gamepad lacks an assigned button: 13; valid: 0 to 9" in said[0]
     assert not listener.asked
+    wait_until(lambda: "button: 13" in status(listener), 3, "the diagnostic")
     pad.message = Joy(axes=[0.0, float("nan"), 0.0, 0.0], buttons=[0] * 21)
     time.sleep(0.3)
     assert "axis 1 of the gamepad is not a finite number: nan" in capfd.readouterr().err
