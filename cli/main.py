@@ -62,6 +62,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     demo.set_defaults(module="demo")
 
+    teleop = commands.add_parser(
+        "teleop",
+        help="move a robot's joints by keys, while it gestures",
+        description="Take joints from the gestures and move them by keys, one by one or to a pose, while the "
+        "graph runs in another terminal. It tells its keys. Joints that you do not move go on gesturing.",
+    )
+    teleop.add_argument("robot", nargs="?", default="toa", metavar="ROBOT", help="name or YAML file (toa)")
+    teleop.set_defaults(module="teleop")
+
     render = commands.add_parser(
         "render",
         help="make the motion for a sound file, faster than real time",

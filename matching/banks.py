@@ -220,9 +220,13 @@ def read_bank(path: Path) -> dict[str, Gesture]:
     Raises:
         FileFormatError: The bank does not fit; names file, line and key, and what is valid there.
     """
-    known: dict[str, object] = {"poses": {}, "folder": path.parent}
-    read_yaml(config_dir() / "banks" / "poses.yaml", _Bank, known)
-    return read_yaml(path, _Bank, known).gestures
+    return read_yaml(path, _Bank, {"poses": shared_poses(), "folder": path.parent}).gestures
+
+
+def shared_poses() -> dict[str, ArmPose]:
+    """The arm poses that every bank may use by name: config/banks/poses.yaml."""
+    path = config_dir() / "banks" / "poses.yaml"
+    return read_yaml(path, _Bank, {"poses": {}, "folder": path.parent}).poses
 
 
 def triggers(gestures: Mapping[str, Gesture]) -> dict[str, str]:

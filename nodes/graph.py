@@ -59,6 +59,7 @@ NODES = (
     GraphNode("gesture_selector", "GestureSelector", ("database", "banks", "emotion", "seed")),
     GraphNode("gesture_refiner", "GestureRefiner", ()),
     GraphNode("retargeter", "Retargeter", ("robot",)),
+    GraphNode("joy_teleop", "JoyTeleop", ("robot",)),
     GraphNode("motion_mux", "MotionMux", ("robot",)),
     GraphNode("servo_driver", "ServoDriver", ("robot", "port")),
 )

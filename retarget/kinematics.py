@@ -136,3 +136,21 @@ class Kinematics:
             )
             for geom in np.flatnonzero(shown)
         ]
+
+
+def arm_joints(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """The joints of the `left` and the `right` arm, from the shoulder on.
+
+    Raises:
+        RobotError: MuJoCo cannot make a model of the URDF.
+    """
+    kinematics = Kinematics(robot)
+    inside = kinematics.joints_above(kinematics.link(robot.mapping.torso))
+    places = [kinematics.model.joint(name).dofadr[0] for name in robot.joints]
+    arms = {}
+    for side, arm in (("left", robot.mapping.left_arm), ("right", robot.mapping.right_arm)):
+        moving = kinematics.joints_above(kinematics.link(arm.hand)) & ~inside
+        # MuJoCo numbers joints from the base out; a servo table may have any order.
+        outward = sorted(np.flatnonzero(moving), key=lambda column: places[column])
+        arms[side] = tuple(robot.joints[column] for column in outward)
+    return arms
