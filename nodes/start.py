@@ -13,11 +13,14 @@ from rclpy.parameter import Parameter
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
 
 
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
+    if "AMENT_PREFIX_PATH" not in os.environ:  # no ROS 2 environment, whose settings are the user's own
+        keep_local()
     return _spin([node for node in NODES if node.name == name], {}, sys.argv)
 
 
@@ -30,8 +33,7 @@ def run_graph(arguments: Sequence[str]) -> int:
     Returns:
         The exit status: 0, or 1 after an error, which is printed in one line.
     """
-    # Nothing listens beyond this machine unless asked; a robot's port is nobody else's business.
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_local()
     try:
         values = parse_arguments(arguments)
     except GestureBotError as error:
