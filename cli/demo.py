@@ -1,7 +1,6 @@
 """`gesture-bot demo`: the graph in simulation, steered by a script, shown live and drawn afterwards."""
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
@@ -21,8 +20,8 @@ from gesture_bot.base.keypoints import INDEX
 from gesture_bot.cli.demo_files import write_demo_files
 from gesture_bot.cli.words import constraint_in_words
 from gesture_bot.corpus.demo import demo_database
-from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.demo_director import DemoDirector
+from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.recorder import Record
 from gesture_bot.retarget.robot import load_robot

@@ -75,5 +75,5 @@ class FeatureStreamer(GestureNode):
                     clipped_s=f"{stream.clipped:.3f}",
                 )
                 for source, stream in self._streams.items()
-            )
+            ),
         )

@@ -10,8 +10,8 @@ from trajectory_msgs.msg import JointTrajectory
 from gesture_bot.base.errors import DeviceError, InvalidValueError
 from gesture_bot.msg import Audio, Cut
 from gesture_bot.nodes import audio_common
-from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.managed import ManagedNode
+from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, STREAM, diagnostic, seconds, stamp
 from gesture_bot.speech import devices
 from gesture_bot.speech.gate import MicrophoneGate

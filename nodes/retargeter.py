@@ -43,5 +43,7 @@ class Retargeter(GestureNode):
         slow = [f"too slow: {load:.1f} s for a second of motion"] if load > 1.0 else []
         counts = {f"{source}_windows": count for source, count in self._windows.items()}
         self.diagnose(
-            diagnostic("retargeter", slow + self.errors(), "running", load_percent=round(100 * load), **counts)
+            diagnostic(
+                "retargeter", slow + self.errors(), "running", load_percent=round(100 * load), **counts
+            )
         )

@@ -36,8 +36,8 @@ RCLError = rclpy_implementation.RCLError
 class ServoDriver(ManagedNode):
     """Runs the servo bus in a thread of its own, so that no other node of the process makes it wait.
 
-    Inactive, it holds the joints where they are and takes no trajectories; torque stays on, and joint states are
-    published. Unconfigured, the port is closed.
+    Inactive, it holds the joints where they are and takes no trajectories; torque stays on, and joint states
+    are published. Unconfigured, the port is closed.
     """
 
     def __init__(self, name: str = "servo_driver", **options: Any):
@@ -167,7 +167,7 @@ class ServoDriver(ManagedNode):
             self._driver.set_trajectory(trajectory_from(message, self.now()))
 
     def _on_owners(self, message: JointOwners) -> None:
-        """Know of a stop as well as the mux, which latches it: no trajectory moves the joints until its reset."""
+        """Know of a stop as well as the mux, which latches it: until its reset, no trajectory is followed."""
         if message.owners and set(message.owners) == {STOP}:
             self._driver.stop()
         else:

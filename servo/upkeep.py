@@ -25,8 +25,8 @@ RELAXED = "is relaxed"
 class Upkeep:
     """Takes at most a few packets a tick: it asks a servo how it is, or goes on setting one up.
 
-    A servo is out of service while it does not answer, reports an error, has been reset, is off to cool, or is
-    relaxed. Once nothing speaks against it, it is set up again, and its joint starts from where it is.
+    A servo is out of service while it does not answer, reports an error, has been reset, is off to cool, or
+    is relaxed. Once nothing speaks against it, it is set up again, and its joint starts from where it is.
 
     Args:
         bus: The bus.
@@ -106,9 +106,8 @@ class Upkeep:
         self._steps = iter(())  # whoever was being set up is not
         self._ready.clear()
         self._bus.set_all([servo.id for servo in self._robot.servos], "Torque Enable", 0)
-        for joint, servo in enumerate(self._robot.servos):
-            if not self.out[joint]:
-                self._put_out(joint, RELAXED)
+        for joint in np.flatnonzero(~self.out):
+            self._put_out(int(joint), RELAXED)
 
     def tighten(self) -> None:
         """Set the joints up again, one after the other, where they then are."""

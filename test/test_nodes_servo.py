@@ -110,7 +110,7 @@ def goals(wire):
 
 
 def let_pass(wire, cycles):
-    """Wait for some bus cycles, however long they take; returns the goals that the head's servo got in them."""
+    """Wait for some bus cycles, however long they take; returns the goals of the head's servo in them."""
     before = len(goals(wire))
     wait_until(lambda: len(goals(wire)) >= before + cycles, 30, "the bus")
     return goals(wire)[before:]
@@ -183,7 +183,9 @@ def test_a_stop_on_the_topic_brakes_within_five_bus_cycles_and_latches(both, wir
         usual = np.median(steps[:10])
         assert usual > 2 * TICK, "it was in full swing"
         assert steps[-10:].max() == 0, "it stands"
-        cycles.append(int(np.flatnonzero(steps[10:] < 0.6 * usual)[0]) + 1)  # no rounding to the servo's ticks
+        cycles.append(
+            int(np.flatnonzero(steps[10:] < 0.6 * usual)[0]) + 1
+        )  # no rounding to the servo's ticks
 
         # Whoever asks, whatever is asked: it stands until the reset.
         teleop.publish(turning(both.now()))
