@@ -105,5 +105,5 @@ class KeywordSpotter(GestureNode):
             self._found += 1
 
     def _report(self) -> None:
-        counts = {"triggers": len(self._triggers), "keywords": self._found}
-        self.diagnose(diagnostic("keyword spotter", self.errors(), "running", **counts))
+        known, found = len(self._triggers), self._found
+        self.diagnose(diagnostic("keyword spotter", self.errors(), "running", triggers=known, keywords=found))

@@ -13,8 +13,6 @@ from gesture_bot.nodes.node import GestureNode
 
 RCLError = rclpy_implementation.RCLError
 
-Response = ChangeState.Response
-
 
 class ManagedNode(LifecycleNodeMixin, GestureNode):
     """A lifecycle node of ROS 2: unconfigured, inactive or active.
@@ -96,11 +94,11 @@ class ManagedNode(LifecycleNodeMixin, GestureNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _checked(
-        self, change: Callable[[ChangeState.Request, Response], Response]
-    ) -> Callable[[ChangeState.Request, Response], Response]:
+        self, change: Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response]
+    ) -> Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response]:
         """Answer a request that does not fit the state: in rclpy it would end the process."""
 
-        def answer(request: ChangeState.Request, response: Response) -> Response:
+        def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             self._failure = None
             try:
                 response = change(request, response)

@@ -41,9 +41,13 @@ class Retargeter(GestureNode):
         """The load is the time taken for the slowest window of the last second, as a share of its length."""
         load, self._load = self._load, 0.0
         slow = [f"too slow: {load:.1f} s for a second of motion"] if load > 1.0 else []
-        counts = {f"{source}_windows": count for source, count in self._windows.items()}
         self.diagnose(
             diagnostic(
-                "retargeter", slow + self.errors(), "running", load_percent=round(100 * load), **counts
+                "retargeter",
+                slow + self.errors(),
+                "running",
+                load_percent=round(100 * load),
+                gesture_windows=self._windows["gesture"],
+                teleop_windows=self._windows["teleop"],
             )
         )
