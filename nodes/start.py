@@ -19,7 +19,6 @@ from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
 
-
 URGENT = ("motion_mux", "servo_driver")
 """Nodes of the graph with a thread of their own, so that a stop waits for no search and no retargeting."""
 
