@@ -198,7 +198,7 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         description="List the servos on the serial ports: port, baud rate, ID, model, firmware. "
         "It takes ten seconds a port.",
     )
-    scan.add_argument("ports", nargs="*", metavar="PORT", help="serial port (all)")
+    scan.add_argument("--port", dest="ports", nargs="+", metavar="PORT", help="serial port (all)")
     scan.add_argument(
         "--baudrate", nargs="+", type=int, metavar="BIT/S", help="baud rate (all that servos have)"
     )

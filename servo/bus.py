@@ -21,6 +21,7 @@ from serial import SerialException
 from serial.tools.list_ports import comports
 
 from gesture_bot.base.errors import BusError, PortError
+from gesture_bot.servo.latency_timer import shorten
 from gesture_bot.servo.models import REGISTERS
 
 READ_WAIT = 0.002
@@ -34,6 +35,12 @@ REPLY_WAIT = 10.0
 
 ATTEMPTS = 3
 """How often a ping, read or write is tried before it fails."""
+
+IDENTITY_SIZE = 7
+"""Model Number (0) to Firmware Version (6). Nothing else is read in so many bytes."""
+
+CONFIRMATION_SIZE = 11
+"""Bytes of an answer without data."""
 
 PING_ANSWER = re.compile(rb"\xff\xff\xfd\x00[\x00-\xfc]\x07\x00\x55", re.DOTALL)
 """How the answer to a ping begins, with the ID of who answers."""
@@ -76,8 +83,10 @@ class Port(PortHandler):
         written_at: When the last packet was sent, on the clock [s].
         heard: What has come since then.
         clock: Tells the time.
+        latency_timer: Of a USB adapter that has one [ms], else None.
     """
 
+    latency_timer: int | None = None
     reply_wait = PATIENT_WAIT
     written_at = 0.0
     heard = b""
@@ -87,6 +96,7 @@ class Port(PortHandler):
         super().setupPort(cflag_baud)
         self.ser.timeout = READ_WAIT
         self.ser.exclusive = True
+        self.latency_timer = shorten(self.ser)
         return True
 
     def writePort(self, packet: list[int]) -> int:  # noqa: D102, N802
@@ -134,6 +144,16 @@ class _PacketHandler(Protocol2PacketHandler):
             if packet[PKT_ID] == dxl_id and _answered(packet) == length:
                 return packet[PKT_ERROR + 1 :][:length], result, packet[PKT_ERROR]
 
+    def writeTxRx(  # noqa: N802
+        self, port: Port, dxl_id: int, address: int, length: int, data: list[int]
+    ) -> tuple[int, int]:
+        result = self.writeTxOnly(port, dxl_id, address, length, data)
+        if result != COMM_SUCCESS:
+            return result, 0
+        port.setPacketTimeout(CONFIRMATION_SIZE)
+        _, result, error = self.readRx(port, dxl_id, 0)
+        return result, error
+
 
 def _answered(packet: list[int]) -> int:
     """Bytes of data in an answer, which holds its error and a CRC beside them."""
@@ -172,6 +192,11 @@ class Bus:
             raise BusError("the SDK does not know this baud rate", baudrate)
 
     @property
+    def latency_timer(self) -> int | None:
+        """Of a USB adapter that has one [ms]: answers wait as long in it."""
+        return self._port.latency_timer
+
+    @property
     def asked_at(self) -> float:
         """When the last packet was sent, on the monotonic clock [s]: a servo that is asked measures then."""
         return self._port.written_at
@@ -186,11 +211,10 @@ class Bus:
 
     def ping(self, servo_id: int) -> int | None:
         """Model Number (0) of a servo, or None when none with this ID answers."""
-        with self._port_errors():
-            for _ in range(ATTEMPTS):
-                number, result, _ = self._sdk.ping(self._port, servo_id)
-                if result == COMM_SUCCESS:
-                    return number
+        # Not by a ping: the SDK would take a late answer to something else for the one to it.
+        for _ in range(ATTEMPTS):
+            if data := self.try_read(servo_id, REGISTERS["Model Number"].address, IDENTITY_SIZE):
+                return int.from_bytes(data[:2], "little")
         return None
 
     def scan(self) -> dict[int, Identity | None]:

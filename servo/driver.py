@@ -37,6 +37,12 @@ STILL = 1e-3
 SETTLED = 0.3
 """... and have come to rest when that is so long ago [s], since servos are behind their goals."""
 
+LONGEST_PAUSE = 0.1
+"""Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
+
+CLOCK_DRIFT = 1e-3
+"""How much faster one of them may run."""
+
 REOPEN_PERIOD = 0.5
 """Time from one try to open a port that has vanished to the next [s]."""
 
@@ -75,6 +81,7 @@ class Driver:
         self._port_lost = False
         self._next_open = -math.inf
         self._last_tick = -math.inf
+        self._ahead = -math.inf
         self._sampled = -math.inf
         self._commanded = -math.inf
         self._fresh = False
@@ -88,6 +95,7 @@ class Driver:
             BusError: The port cannot be opened; a servo is missing, of another model, or not well.
         """
         bus = Bus(self._port, self._robot.bus.baudrate)
+        self.status.latency_timer = bus.latency_timer
         try:
             check_servos(bus, self._robot)
             for servo in self._robot.servos:
@@ -178,7 +186,7 @@ class Driver:
 
     def _cycle(self, now: float) -> Feedback:
         self._open_bus()
-        begin = self.clock.monotonic()
+        self._compare_clocks(now)
         self._account(now)
         self._upkeep.step(now)
         # Servos are behind their goals: these are sent so much earlier.
@@ -191,8 +199,14 @@ class Driver:
         self._tell()
         stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
         planned = np.where(stopped, np.nan, planned)
-        asked_at = now + self._reader.read_at - begin
-        return Feedback(measured, speeds, efforts, planned, asked_at, self._reader.prompt)
+        stamp = self._reader.read_at + self._ahead
+        return Feedback(measured, speeds, efforts, planned, stamp, self._reader.prompt)
+
+    def _compare_clocks(self, now: float) -> None:
+        """Note how far `now` is ahead of the monotonic clock. The thread may have paused in between."""
+        ahead = now - self.clock.monotonic()
+        paused = 0.0 < self._ahead - ahead < LONGEST_PAUSE
+        self._ahead = max(ahead, self._ahead - CLOCK_DRIFT * self._dt) if paused else ahead
 
     def _account(self, now: float) -> None:
         status = self.status

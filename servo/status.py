@@ -49,6 +49,7 @@ class Status:
             to be followed.
         relaxed: Whether torque is off, or not yet on again, on a stop.
         ports_lost: How often the port has vanished.
+        latency_timer: How long the USB adapter keeps answers back [ms], where it has such a timer.
         command_age: Time since the last new trajectory [s]; inf before the first.
         interventions: What the envelope held back.
         health: Health by joint, each looked at in turn.
@@ -67,6 +68,7 @@ class Status:
     holding: bool = False
     relaxed: bool = False
     ports_lost: int = 0
+    latency_timer: int | None = None
     command_age: float = math.inf
     interventions: Interventions = field(default_factory=Interventions)
     health: dict[str, Health] = field(default_factory=dict)

@@ -45,7 +45,7 @@ def typed(monkeypatch, tmp_path):
 def test_scan_finds_each_servo_at_its_baud_rate_and_two_with_one_id(capsys):
     twins = ServoSpec(11, "XM430-W350", 3000, BAUDRATE), ServoSpec(14, "XM540-W150", 3000, BAUDRATE)
     with recorded_bus(ROBOT, [NEW, *twins]) as wire:
-        assert servos("scan", wire.port, "--baudrate", FACTORY, BAUDRATE) == 0
+        assert servos("scan", "--port", wire.port, "--baudrate", FACTORY, BAUDRATE) == 0
         lines = capsys.readouterr().out.splitlines()
         listed = [line.split() for line in lines if line.startswith(wire.port)]
         assert listed[0] == [wire.port, str(FACTORY), "1", "XL430-W250", "48"]
@@ -54,9 +54,9 @@ def test_scan_finds_each_servo_at_its_baud_rate_and_two_with_one_id(capsys):
         shared = [line.split()[1] for line in lines if "two servos have this ID" in line]
         assert shared == ["11", "14"]
 
-        assert servos("scan", wire.port, "--baudrate", 115_200) == 1
+        assert servos("scan", "--port", wire.port, "--baudrate", 115_200) == 1
         assert "is the power on?" in capsys.readouterr().err
-    assert servos("scan", "/dev/ttyNONE") == 1
+    assert servos("scan", "--port", "/dev/ttyNONE") == 1
     assert "cannot open the serial port: '/dev/ttyNONE'" in capsys.readouterr().err
 
 

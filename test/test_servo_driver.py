@@ -1,8 +1,8 @@
 """The driver on a virtual bus: what reaches the servos, what comes back, and what happens in trouble."""
 
-import itertools
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from gesture_bot.base.errors import BusError, InvalidValueError, RobotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.servo import latency_timer
 from gesture_bot.servo.arbitration import load_arbitration
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.driver import Driver
@@ -285,19 +286,37 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(terminal, monke
     bus.close()
 
 
-def test_a_state_whose_moment_is_not_known_is_told(driver, wire, monkeypatch):
-    elbow = wire.servos[ELBOW_ID]
-    answer, questions = elbow.read, itertools.count()
+def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
+    wire = simulated_bus(ROBOT)
+    driver, elbow, late = Driver(robot_with(on_exit="off"), wire.port), wire.servos[ELBOW_ID], False
+    answer = elbow.read
 
-    def each_tenth_slowly(address, size):
-        if address == PRESENT_ADDRESS and next(questions) % 10 == 9:
-            time.sleep(0.006)
+    def answer_late(address, size):
+        wire.port.clock.sleep(0.006 if late else 0.0)
         return answer(address, size)
 
-    monkeypatch.setattr(elbow, "read", each_tenth_slowly)
-    prompt = [feedback.prompt for feedback in run(driver, 1.0)]
-    assert not any(prompt[9::10])
-    assert prompt.count(False) == driver.status.late_answers < 50
+    driver.start()
+    monkeypatch.setattr(elbow, "read", answer_late)
+    for k in range(100):
+        late = k % 10 == 9
+        assert driver.tick(T0 + k * DT).prompt == (not late)
+    assert driver.status.late_answers == 10
+    driver.close()
+
+
+def test_a_slow_usb_adapter_is_told(tmp_path, monkeypatch):
+    with recorded_bus(ROBOT) as wire:
+        driver = Driver(robot_with(on_exit="off"), wire.port)
+        driver.start()
+        assert driver.status.latency_timer is None, "a pseudo-terminal has no such timer"
+        driver.close()
+        timer = tmp_path / Path(wire.port).name / "latency_timer"
+        timer.parent.mkdir()
+        timer.write_text("16\n")
+        monkeypatch.setattr(latency_timer, "DEVICES", tmp_path)
+        driver.start()
+        assert driver.status.latency_timer == 16
+        driver.close()
 
 
 def test_a_port_that_does_not_exist_is_named():
