@@ -184,6 +184,8 @@ class ServoDriver(ManagedNode):
         troubles += [f"{joint} {reason}" for joint, reason in status.out.items()]
         level = DiagnosticStatus.ERROR if troubles else DiagnosticStatus.WARN
         troubles += [f"{joint} is blocked, and yields" for joint in status.yielding]
+        if status.latency_timer and status.latency_timer > 1:
+            troubles.append(f"the USB adapter keeps answers back for {status.latency_timer} ms")
         bus = diagnostic(
             "servo bus",
             [*troubles, *self._standing()],
