@@ -127,10 +127,10 @@ def test_inactive_holds_unconfigured_is_gone_and_both_come_back(driver, listener
 
     def moves():
         """Whether a trajectory moves the head, as its servo is sent."""
-        before, begin = len(goals(wire)), listener.now()
-        publisher.publish(turning(begin))
-        wait_until(lambda: listener.now() > begin + 3.0, 10, "the trajectory's end")
-        return np.ptp(goals(wire)[before:]) > 0.2
+        place, begin = goals(wire)[-1], listener.now()
+        publisher.publish(turning(begin, place, -0.4 if place > 0 else 0.4))
+        wait_until(lambda: abs(goals(wire)[-1] - place) > 0.2 or listener.now() > begin + 3.0, 10, "its end")
+        return abs(goals(wire)[-1] - place) > 0.2
 
     assert moves()
     assert change(listener, Transition.TRANSITION_DEACTIVATE)
