@@ -74,6 +74,7 @@ class ServoDriver(ManagedNode):
         """
         self._driver.deactivate()
         self._driver.start()
+        self._recent.clear()
         # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
         sys.setswitchinterval(5e-4)
         self._stopping.clear()
