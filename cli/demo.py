@@ -1,7 +1,6 @@
 """`gesture-bot demo`: the graph in simulation, steered by a script, shown live and drawn afterwards."""
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from gesture_bot.cli.demo_files import write_demo_files
 from gesture_bot.cli.words import constraint_in_words
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.nodes.demo_director import DemoDirector
+from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.recorder import Record
 from gesture_bot.retarget.robot import load_robot
@@ -39,7 +39,7 @@ def command(options: argparse.Namespace) -> int:
     console, output = Console(), options.output
     demo_database()  # on first use this takes a while, and shows its progress
     robot = load_robot("toa")
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_local()
     console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
     output.mkdir(parents=True, exist_ok=True)
     log = output / "graph.log"

@@ -63,6 +63,7 @@ class FeatureStreamer(GestureNode):
     def _report(self) -> None:
         now = self.now()
         self.diagnose(
+            diagnostic("feature streamer", self.errors(), "running", sources=len(self._streams)),
             *(
                 diagnostic(
                     f"sound of {source or 'an unnamed source'}",
@@ -74,5 +75,5 @@ class FeatureStreamer(GestureNode):
                     clipped_s=f"{stream.clipped:.3f}",
                 )
                 for source, stream in self._streams.items()
-            )
+            ),
         )

@@ -8,7 +8,7 @@ from gesture_bot.matching.banks import WatchedBanks, triggers
 from gesture_bot.msg import Cut, Keyword
 from gesture_bot.msg import Word as WordMessage
 from gesture_bot.nodes import hri_speech
-from gesture_bot.nodes.node import PLAN, GestureNode, seconds, stamp
+from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, seconds, stamp
 from gesture_bot.speech import keywords
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.voice import Word
@@ -40,12 +40,14 @@ class KeywordSpotter(GestureNode):
         keywords.KeywordSpotter(self._triggers)  # a bad trigger is told at the start
         self._sources: dict[str, _Source] = {}
         self._cuts = Cuts()
+        self._found = 0
         self._publisher = self.create_publisher(Keyword, "speech/keywords", PLAN)
         self.listen(WordMessage, "speech/words", self._on_word, PLAN)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)
         hri_speech.listen(self, self._on_transcript)
         self.every(PATIENCE / 2, self._flush)
         self.every(1.0, self._reload)
+        self.every(1.0, self._report)
         self.waits_for("words on speech/words")
 
     def _on_cut(self, cut: Cut) -> None:
@@ -100,3 +102,8 @@ class KeywordSpotter(GestureNode):
             keyword.header.stamp = stamp(spotted.stress)
             keyword.header.frame_id = source.last.header.frame_id
             self._publisher.publish(keyword)
+            self._found += 1
+
+    def _report(self) -> None:
+        known, found = len(self._triggers), self._found
+        self.diagnose(diagnostic("keyword spotter", self.errors(), "running", triggers=known, keywords=found))

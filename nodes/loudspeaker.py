@@ -7,7 +7,8 @@ import soxr
 
 from gesture_bot.base.errors import DeviceError, InvalidValueError
 from gesture_bot.msg import Audio, Cut
-from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds
+from gesture_bot.nodes.managed import ManagedNode
+from gesture_bot.nodes.node import PLAN, STREAM, diagnostic, seconds
 from gesture_bot.speech import devices
 from gesture_bot.speech.cuts import Cuts
 
@@ -21,8 +22,11 @@ AGAIN = 2.0
 """From one try to open a sound card to the next [s]."""
 
 
-class Loudspeaker(GestureNode):
-    """Plays text and sound files. Without a sound card, the robot gestures in silence, in the same time."""
+class Loudspeaker(ManagedNode):
+    """Plays text and sound files. Without a sound card, the robot gestures in silence, in the same time.
+
+    The sound card is taken while the node is active.
+    """
 
     def __init__(self, name: str = "loudspeaker", **options: Any):
         super().__init__(name, **options)
@@ -34,20 +38,25 @@ class Loudspeaker(GestureNode):
         self._utterance: tuple[str, int] | None = None
         self._next = 0.0
         self._cuts = Cuts()
-        if self._device == "off":
-            self.waits_for("nothing: it is switched off")
-            return
-        self._open()
-        self.listen(Audio, "speech/audio", self._on_audio, STREAM)
-        self.listen(Cut, "speech/cut", self._on_cut, PLAN)
+        if self._device != "off":
+            self.listen(Audio, "speech/audio", self._on_audio, STREAM)
+            self.listen(Cut, "speech/cut", self._on_cut, PLAN)
         self.every(AGAIN, self._check)
-        self.waits_for("sound on speech/audio")
+        self.bring_up()
+        self.waits_for("nothing: it is switched off" if self._device == "off" else "sound on speech/audio")
 
-    def destroy_node(self) -> None:
-        """Fall silent."""
+    def activate(self) -> None:
+        """Take the sound card, or wait for one."""
+        if self._device != "off":
+            self._open()
+
+    def deactivate(self) -> None:
+        """Fall silent, and give the sound card back."""
         if self._loudspeaker:
             self._loudspeaker.close()
-        super().destroy_node()
+        self._loudspeaker = None
+
+    cleanup = deactivate
 
     def _open(self) -> None:
         try:
@@ -60,13 +69,20 @@ class Loudspeaker(GestureNode):
             self._trouble = str(error)
 
     def _check(self) -> None:
-        """Open a sound card that has come, or come back."""
+        """Open a sound card that has come, or come back, and say how it is."""
+        if self._device == "off" or self.state != "active":
+            idle = "switched off" if self._device == "off" else self.state
+            self.diagnose(diagnostic("loudspeaker", [], idle))
+            return
         if self._loudspeaker and not self._loudspeaker.works:
             self._loudspeaker.close()
             self._loudspeaker = None
         if not self._loudspeaker:
             self._open()
-        self.diagnose(diagnostic("loudspeaker", [self._trouble] if self._trouble else [], "running"))
+        troubles = [self._trouble] if self._trouble else []
+        self.diagnose(
+            diagnostic("loudspeaker", troubles + self.errors(), "running", hardware_id=self._device)
+        )
 
     def _on_audio(self, audio: Audio) -> None:
         source, moment = audio.header.frame_id, seconds(audio.header.stamp)

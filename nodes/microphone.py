@@ -10,8 +10,9 @@ from trajectory_msgs.msg import JointTrajectory
 from gesture_bot.base.errors import DeviceError, InvalidValueError
 from gesture_bot.msg import Audio, Cut
 from gesture_bot.nodes import audio_common
+from gesture_bot.nodes.managed import ManagedNode
 from gesture_bot.nodes.messages import trajectory_from
-from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, seconds, stamp
+from gesture_bot.nodes.node import PLAN, STREAM, diagnostic, seconds, stamp
 from gesture_bot.speech import devices
 from gesture_bot.speech.gate import MicrophoneGate
 from gesture_bot.speech.liveness import Liveness
@@ -34,8 +35,11 @@ HOLE = 0.5
 RCLError = rclpy_implementation.RCLError
 
 
-class Microphone(GestureNode):
-    """Publishes what others say, stamped with the moment of recording."""
+class Microphone(ManagedNode):
+    """Publishes what others say, stamped with the moment of recording.
+
+    The sound card is taken while the node is active.
+    """
 
     def __init__(self, name: str = "microphone", **options: Any):
         super().__init__(name, **options)
@@ -55,8 +59,10 @@ class Microphone(GestureNode):
         self._trouble = ""
         self._utterance = 0
         self._until = 0.0
-        self._sounded = self.now()
+        self._sounded = 0.0
+        self.every(AGAIN, self._check)
         if self._device == "off":
+            self.bring_up()
             self.waits_for("nothing: it is switched off")
             return
         self._audio = self.create_publisher(Audio, "speech/audio", STREAM)
@@ -66,16 +72,22 @@ class Microphone(GestureNode):
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
         if self._device == "topic":
             audio_common.listen(self, self._on_topic)
-        else:
-            self._open()
-        self.every(AGAIN, self._check)
+        self.bring_up()
         self.waits_for("sound on audio" if self._device == "topic" else "sound from the microphone")
 
-    def destroy_node(self) -> None:
-        """Hear no more."""
+    def activate(self) -> None:
+        """Take the sound card, or wait for one."""
+        self._sounded = self.now()
+        if self._device not in ("off", "topic"):
+            self._open()
+
+    def deactivate(self) -> None:
+        """Hear no more, and give the sound card back."""
         if self._microphone:
             self._microphone.close()
-        super().destroy_node()
+        self._microphone = None
+
+    cleanup = deactivate
 
     def _open(self) -> None:
         try:
@@ -89,6 +101,10 @@ class Microphone(GestureNode):
 
     def _check(self) -> None:
         """Open a microphone that has come, or come back, and say how it is."""
+        if self._device == "off" or self.state != "active":
+            idle = "switched off" if self._device == "off" else self.state
+            self.diagnose(diagnostic("microphone", [], idle))
+            return
         if self._device != "topic":
             if self._microphone and not (self._microphone.works and self.now() - self._until < AGAIN):
                 self._microphone.close()
@@ -100,9 +116,11 @@ class Microphone(GestureNode):
             troubles = ["no sound comes"]
         elif not troubles and self.now() - self._sounded > MUTED:
             troubles = ["digital silence: is the microphone muted?"]
-        self.diagnose(diagnostic("microphone", troubles, "running"))
+        self.diagnose(diagnostic("microphone", troubles + self.errors(), "running", hardware_id=self._device))
 
     def _on_topic(self, moment: float | None, rate: int, samples: np.ndarray) -> None:
+        if self.state != "active":
+            return
         if rate <= 0:
             raise InvalidValueError("sample rate of the sound on audio", rate, ["1 Hz and more"])
         if moment is None:

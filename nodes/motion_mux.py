@@ -79,7 +79,8 @@ class MotionMux(GestureNode):
     def _report(self) -> None:
         held = [STOPPED] if self._mux.stopped else []
         held += [f"locked by {lock.name} ({lock.topic})" for lock in self._mux.locks(self.now())]
-        self.diagnose(diagnostic("motion mux", held, "open", **self._mux.owners))
+        owners: dict[str, Any] = dict(self._mux.owners)
+        self.diagnose(diagnostic("motion mux", held + self.errors(), "open", **owners))
 
     def _tick(self) -> None:
         self._commands.publish(trajectory_to(self._mux.tick(self.now())))

@@ -28,6 +28,9 @@ STATE = QoSProfile(
 """Emotion, control, stop and modes: a late joiner gets the current one."""
 
 
+REMEMBERED = 10.0
+"""For so long an error is told on /diagnostics [s]."""
+
 ECHO = 0.1
 """The same state again within so long was heard by both subscriptions to it [s]."""
 
@@ -36,6 +39,10 @@ class GestureNode(Node):
     """A node whose parameters are described, and whose callbacks answer bad input with one clear line."""
 
     _diagnostics: Publisher | None = None
+
+    def __init__(self, name: str, **options: Any):
+        super().__init__(name, **options)
+        self._errors: dict[str, tuple[str, float]] = {}
 
     def parameter(
         self,
@@ -115,6 +122,16 @@ class GestureNode(Node):
         message.header.stamp = stamp(self.now())
         self._diagnostics.publish(message)
 
+    def errors(self) -> list[str]:
+        """What went wrong lately: the last error of each topic."""
+        since = time.monotonic() - REMEMBERED
+        return [f"{where}: {error}" for where, (error, at) in self._errors.items() if at > since]
+
+    def fail(self, where: str, error: object) -> None:
+        """Log an error in one line, and remember it for `errors`."""
+        self.get_logger().error(f"{where}: {error}")
+        self._errors[where] = str(error), time.monotonic()
+
     def now(self) -> float:
         """The time of the graph [s since the epoch]."""
         return self.get_clock().now().nanoseconds * 1e-9
@@ -128,7 +145,7 @@ class GestureNode(Node):
             try:
                 callback(*arguments)
             except GestureBotError as error:
-                self.get_logger().error(f"{where}: {error}")
+                self.fail(where, error)
 
         return guarded
 
@@ -138,6 +155,7 @@ def diagnostic(
     troubles: Sequence[str],
     healthy: str,
     level: bytes = DiagnosticStatus.WARN,
+    hardware_id: str = "",
     **values: object,
 ) -> DiagnosticStatus:
     """How one part is.
@@ -147,12 +165,14 @@ def diagnostic(
         troubles: What is wrong with it, in words.
         healthy: What it says where nothing is.
         level: How bad troubles are.
+        hardware_id: Which device it is about, such as a port.
         values: Its numbers.
     """
     return DiagnosticStatus(
         name=f"gesture_bot: {name}",
         level=level if troubles else DiagnosticStatus.OK,
         message="; ".join(troubles) or healthy,
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
 

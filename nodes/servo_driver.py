@@ -17,9 +17,12 @@ from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.base.errors import BusError, InvalidValueError
 from gesture_bot.evaluate.lag import SHIFTS, motion_lag
+from gesture_bot.msg import JointOwners
+from gesture_bot.nodes.managed import ManagedNode
 from gesture_bot.nodes.messages import trajectory_from
-from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, stamp
+from gesture_bot.nodes.node import PLAN, STATE, diagnostic, stamp
 from gesture_bot.retarget.robot import Robot, load_robot
+from gesture_bot.servo.arbitration import STOP
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.status import Feedback
 from gesture_bot.servo.virtual_bus import VirtualBus
@@ -30,8 +33,12 @@ LOOKED_AT = 3.0
 RCLError = rclpy_implementation.RCLError
 
 
-class ServoDriver(GestureNode):
-    """Runs the servo bus in a thread of its own, so that no other node of the process makes it wait."""
+class ServoDriver(ManagedNode):
+    """Runs the servo bus in a thread of its own, so that no other node of the process makes it wait.
+
+    Inactive, it holds the joints where they are and takes no trajectories; torque stays on, and joint states
+    are published. Unconfigured, the port is closed.
+    """
 
     def __init__(self, name: str = "servo_driver", **options: Any):
         super().__init__(name, **options)
@@ -41,33 +48,62 @@ class ServoDriver(GestureNode):
         )
         rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
         self._joints = list(robot.joints)
+        self._models = {servo.joint: f"{servo.model}, ID {servo.id}" for servo in robot.servos}
         self._states = self.create_publisher(JointState, "joint_states", PLAN)
         self._resources = ExitStack()
         if port == "virtual":
             port = self._virtual_bus(robot).port
+        self._port = port
         self._driver = Driver(robot, port, rate)
-        self._driver.start()
         self._period = 1.0 / rate
         self._recent: deque[Feedback] = deque(maxlen=round(LOOKED_AT * rate))
+        self._trouble = ""
         self._stopping = threading.Event()
-        # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
-        sys.setswitchinterval(5e-4)
-        self._loop = threading.Thread(target=self._run, daemon=True)
-        self._loop.start()
+        self._loop: threading.Thread | None = None
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
+        self.listen(JointOwners, "motion_mux/owners", self._on_owners, STATE)
         self.every(1.0, self._report)
+        self.bring_up()
         self.waits_for("joint_trajectory; holds until then")
 
-    def destroy_node(self) -> None:
-        """Bring the robot to rest and treat the servos' torque as the robot's file says."""
-        self._stopping.set()
-        self._loop.join()
+    def configure(self) -> None:
+        """Open the port, and hold the joints where they are.
+
+        Raises:
+            BusError: The port cannot be opened, or a servo is not as it should be.
+        """
+        self._driver.deactivate()
+        self._driver.start()
+        self._recent.clear()
+        # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
+        sys.setswitchinterval(5e-4)
+        self._stopping.clear()
+        self._loop = threading.Thread(target=self._run, daemon=True)
+        self._loop.start()
+
+    def activate(self) -> None:
+        """Follow trajectories."""
+        self._driver.activate()
+
+    def deactivate(self) -> None:
+        """Follow none; hold."""
+        self._driver.deactivate()
+
+    def cleanup(self) -> None:
+        """Bring the robot to rest, treat the servos' torque as the robot's file says, and close the port."""
+        if self._loop:
+            self._stopping.set()
+            self._loop.join()
+            self._loop = None
         try:
             self._driver.close()
         except BusError as error:
             self.get_logger().error(str(error))
-        self._resources.close()
+
+    def destroy_node(self) -> None:
+        """Give the servos back, and end the virtual bus."""
         super().destroy_node()
+        self._resources.close()
 
     def _virtual_bus(self, robot: Robot) -> VirtualBus:
         """A virtual bus, whose faults are a parameter that may be set at any time."""
@@ -93,8 +129,10 @@ class ServoDriver(GestureNode):
             try:
                 feedback = self._driver.tick(self.now())
             except BusError as error:
+                self._trouble = str(error)
                 self.get_logger().error(str(error), throttle_duration_sec=1.0)
             else:
+                self._trouble = ""
                 # A state whose moment is not known would look like a jump.
                 if feedback.prompt:
                     self._recent.append(feedback)
@@ -126,19 +164,35 @@ class ServoDriver(GestureNode):
         return "" if lag is None else f"{1000 * lag:.0f}"
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        self._driver.set_trajectory(trajectory_from(message, self.now()))
+        if self.state == "active":
+            self._driver.set_trajectory(trajectory_from(message, self.now()))
+
+    def _on_owners(self, message: JointOwners) -> None:
+        """Know of a stop as well as the mux, which latches it: until its reset, no trajectory is followed."""
+        if message.owners and set(message.owners) == {STOP}:
+            self._driver.stop()
+        else:
+            self._driver.reset()
 
     def _report(self) -> None:
+        if self.state not in ("inactive", "active"):
+            closed = [f"{self.state}: the port is closed"]
+            self.diagnose(diagnostic("servo bus", closed, "running", hardware_id=self._port))
+            return
         status = self._driver.status
         held = status.interventions
-        troubles = [f"{joint} {reason}" for joint, reason in status.out.items()]
+        troubles = [self._trouble] if self._trouble else []
+        troubles += [f"{joint} {reason}" for joint, reason in status.out.items()]
         level = DiagnosticStatus.ERROR if troubles else DiagnosticStatus.WARN
         troubles += [f"{joint} is blocked, and yields" for joint in status.yielding]
+        if status.latency_timer and status.latency_timer > 1:
+            troubles.append(f"the USB adapter keeps answers back for {status.latency_timer} ms")
         bus = diagnostic(
             "servo bus",
-            [*troubles, "the robot holds"] if status.holding else troubles,
+            [*troubles, *self._standing()],
             "running",
             level=level,
+            hardware_id=self._port,
             cycles=status.cycles,
             late_cycles=status.late_cycles,
             late_answers=status.late_answers,
@@ -158,6 +212,7 @@ class ServoDriver(GestureNode):
                 health.errors or (("warm",) if joint in status.warm else ()),
                 "healthy",
                 level=DiagnosticStatus.ERROR if health.errors else DiagnosticStatus.WARN,
+                hardware_id=self._models[joint],
                 temperature_degc=health.temperature,
                 voltage_v=health.voltage,
                 load_percent=round(100 * health.load),
@@ -165,3 +220,13 @@ class ServoDriver(GestureNode):
             for joint, health in list(status.health.items())
         ]
         self.diagnose(bus, *servos)
+
+    def _standing(self) -> list[str]:
+        """Why the robot as a whole does not move, if so."""
+        if self._driver.status.relaxed:
+            return ["relaxed: hands can move the joints"]
+        if self._driver.stopped:
+            return ["stopped until `reset`"]
+        if self.state != "active":
+            return [f"{self.state}: the joints hold, and trajectories are not followed"]
+        return ["the robot holds"] if self._driver.status.holding else []

@@ -17,7 +17,7 @@ from gesture_bot.matching.emotions import find_emotion, load_emotions
 from gesture_bot.msg import Audio, Cut, Emotion
 from gesture_bot.msg import Word as WordMessage
 from gesture_bot.nodes.emotions import listen_to_emotion
-from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, stamp
+from gesture_bot.nodes.node import PLAN, STREAM, GestureNode, diagnostic, stamp
 from gesture_bot.speech.alignment import align
 from gesture_bot.speech.audio import SAMPLE_RATE, load_audio
 from gesture_bot.speech.speaking import Piece, Speaking, Spoken
@@ -125,6 +125,7 @@ class SpeechSource(GestureNode):
             self._synthesis = threading.Thread(target=self._synthesise, args=(load_voice(voice),))
             self._synthesis.start()
         self.every(0.05, self._pace)
+        self.every(1.0, self._report)
         self.waits_for("the rest of the graph" if self._once else "text on say and speak")
 
     def destroy_node(self) -> None:
@@ -209,7 +210,7 @@ class SpeechSource(GestureNode):
             if isinstance(said, Utterance):
                 text.spoken = self._speaking.put(said, now)
             else:
-                self.get_logger().error(f"cannot speak {text.text!r} ({said})")
+                self.fail("say", f"cannot speak {text.text!r} ({said})")
                 text.ended.set_result(said)
         for due in self._speaking.due(now):
             if isinstance(due, Piece):
@@ -221,6 +222,17 @@ class SpeechSource(GestureNode):
         self._texts = [text for text in self._texts if not text.ended.done()]
         if self._begun and now > self._speaking.end + LAST_RETRACTION:
             self.context.try_shutdown()
+
+    def _report(self) -> None:
+        speaks = self._speaking.end > self.now()
+        self.diagnose(
+            diagnostic(
+                "speech source",
+                self.errors(),
+                "speaks" if speaks else "silent",
+                waiting_texts=sum(text.spoken is None for text in self._texts),
+            )
+        )
 
     def _publish_words(self, spoken: Spoken) -> None:
         for word in spoken.utterance.words:

@@ -4,8 +4,11 @@ import importlib
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -13,11 +16,17 @@ from rclpy.parameter import Parameter
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
+
+URGENT = ("motion_mux", "servo_driver")
+"""Nodes of the graph with a thread of their own, so that a stop waits for no search and no retargeting."""
 
 
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
+    if "AMENT_PREFIX_PATH" not in os.environ:  # no ROS 2 environment, whose settings are the user's own
+        keep_local()
     return _spin([node for node in NODES if node.name == name], {}, sys.argv)
 
 
@@ -30,8 +39,7 @@ def run_graph(arguments: Sequence[str]) -> int:
     Returns:
         The exit status: 0, or 1 after an error, which is printed in one line.
     """
-    # Nothing listens beyond this machine unless asked; a robot's port is nobody else's business.
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_local()
     try:
         values = parse_arguments(arguments)
     except GestureBotError as error:
@@ -63,7 +71,7 @@ def parse_arguments(arguments: Sequence[str]) -> dict[str, str | int]:
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
     rclpy.init(args=list(args))
     # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
-    executor = SingleThreadedExecutor()
+    executor, urgent = SingleThreadedExecutor(), SingleThreadedExecutor()
     running = []
     try:
         for node in nodes:
@@ -74,8 +82,9 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
                     node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides
                 )
             )
-            executor.add_node(running[-1])
-        executor.spin()
+            (urgent if len(nodes) > 1 and node.name in URGENT else executor).add_node(running[-1])
+        with _spinning(urgent):
+            executor.spin()
     except GestureBotError as error:
         return _report(error)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -93,6 +102,30 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+@contextmanager
+def _spinning(executor: SingleThreadedExecutor) -> Iterator[None]:
+    """Spin in a thread until the block ends; an error there ends the block, and is raised behind it."""
+    ended = threading.Event()
+
+    def spin() -> None:
+        try:
+            while not ended.is_set() and executor.context.ok():
+                executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            pass
+        finally:
+            if not ended.is_set():
+                executor.context.try_shutdown()
+
+    with ThreadPoolExecutor(1) as thread:
+        spun = thread.submit(spin)
+        try:
+            yield
+        finally:
+            ended.set()
+            spun.result()
 
 
 def _report(error: GestureBotError) -> int:

@@ -119,13 +119,13 @@ class WordRecogniser(GestureNode):
             self._process.set_phrases(triggers(self._banks.gestures))
 
     def _report(self) -> None:
-        if not self._process:
-            return
-        troubles = list(self._process.problems)
-        if self._process.dropped:
-            troubles.append(f"too slow: {self._process.dropped:.1f} s of sound were dropped")
-        dropped = f"{self._process.dropped:.1f}"
-        self.diagnose(diagnostic("word recogniser", troubles, "hears", dropped_s=dropped))
+        process, troubles = self._process, self.errors()
+        dropped = process.dropped if process else 0.0
+        troubles += process.problems if process else []
+        if dropped:
+            troubles.append(f"too slow: {dropped:.1f} s of sound were dropped")
+        healthy = "hears" if process else "waits for sound without words"
+        self.diagnose(diagnostic("word recogniser", troubles, healthy, dropped_s=f"{dropped:.1f}"))
 
 
 def _message(key: Key, word: RecognisedWord) -> WordMessage:

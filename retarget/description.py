@@ -115,6 +115,8 @@ class Bus(_Section):
         warm_degc: From this temperature on a servo slows, down to 30% of its speed where it is hot [degC].
         hot_degc: A servo this hot goes to rest and off, until it is no longer warm [degC].
         on_fault: What the rest of the robot does while a servo is hot, reports an error or does not answer.
+        on_stop: What the joints do on a stop once they stand: hold, or relax, so that a hand can move them.
+            Relaxed arms fall.
         on_exit: What becomes of the motors: they go to rest and switch off, hold, or switch off at once.
     """
 
@@ -125,6 +127,7 @@ class Bus(_Section):
     warm_degc: float = Field(60.0, gt=0, le=100)
     hot_degc: float = Field(68.0, gt=0, le=100)
     on_fault: Literal["stop", "carry_on"] = "stop"
+    on_stop: Literal["hold", "relax"] = "hold"
     on_exit: Literal["rest_then_off", "hold", "off"]
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.trajectories import Overlay, coast, ease
-from gesture_bot.servo.upkeep import NO_ANSWER, Upkeep
+from gesture_bot.servo.upkeep import NO_ANSWER, RELAXED, Upkeep
 
 EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
@@ -30,6 +30,12 @@ EXIT_SHARE = 0.8
 
 AT_REST = 1e-3
 """A hot joint that was sent this close to its rest position is switched off [rad]."""
+
+STILL = 1e-3
+"""Joints that are sent no faster than this stand [rad/s] ..."""
+
+SETTLED = 0.3
+"""... and have come to rest when that is so long ago [s], since servos are behind their goals."""
 
 LONGEST_PAUSE = 0.1
 """Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
@@ -50,6 +56,8 @@ class Driver:
         rate_hz: How often `tick` is called [1/s].
 
     Attributes:
+        active: Whether trajectories are followed.
+        stopped: True from `stop` to `reset`.
         status: Counts and states for diagnostics.
         clock: Tells the time; on a simulated bus, the simulated time.
 
@@ -58,6 +66,8 @@ class Driver:
     """
 
     def __init__(self, robot: Robot, port: str | Port, rate_hz: float = 100.0):
+        self.active = True
+        self.stopped = False
         self.status = Status()
         self._robot = robot
         self._port = Port(port) if isinstance(port, str) else port
@@ -76,6 +86,7 @@ class Driver:
         self._commanded = -math.inf
         self._fresh = False
         self._last_packet = -math.inf
+        self._stood = 0.0
 
     def start(self) -> None:
         """Open the port, check and set up every servo, and switch torque on where each joint is.
@@ -113,6 +124,23 @@ class Driver:
         self._plan.add(trajectory, self._sampled + self._lag)
         self._fresh = True
 
+    def activate(self) -> None:
+        """Follow what is planned from now on; joints approach it slowly. So it is at the start."""
+        self._plan = Overlay(self._robot.joints, HALF_LIFE)
+        self.active = True
+
+    def deactivate(self) -> None:
+        """Let all joints brake and hold, whatever is planned, until `activate`."""
+        self.active = False
+
+    def stop(self) -> None:
+        """Let all joints brake, whatever is planned, and hold or relax as the robot's `on_stop` says."""
+        self.stopped = True
+
+    def reset(self) -> None:
+        """Follow what is planned, from wherever the joints are now; they approach it slowly."""
+        self.stopped = False
+
     def tick(self, now: float) -> Feedback:
         """Send each joint where it is to be now [s since the epoch], and read where it is.
 
@@ -136,6 +164,8 @@ class Driver:
     def close(self) -> None:
         """Leave the servos as the robot's `on_exit` says, and close the port. Does nothing before `start`.
 
+        A stop latches: stopped joints do not go to rest first.
+
         Raises:
             BusError: The port has vanished.
         """
@@ -145,7 +175,7 @@ class Driver:
         if bus is None:
             return
         try:
-            if on_exit == "rest_then_off":
+            if on_exit == "rest_then_off" and not self.stopped:
                 self._go_to_rest()
             if on_exit != "hold":
                 bus.set_all(self._table.ids, "Torque Enable", 0)
@@ -165,6 +195,7 @@ class Driver:
         self._exchange(*asked)
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
         self._compare(measured, efforts, now)
+        self._relax_or_tighten()
         self._tell()
         stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
         planned = np.where(stopped, np.nan, planned)
@@ -194,12 +225,13 @@ class Driver:
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the joints are asked for: what is planned, unless they are to hold, to rest or to yield."""
         upkeep, hot = self._upkeep, self._upkeep.heat.hot
-        holding = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
+        faulty = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
+        holding = self.stopped or not self.active or upkeep.relaxed or faulty
         everyone = np.full(len(hot), self.status.holding and not holding)
         self._envelope.ease(everyone | hot | self._following.release(now))
         self.status.holding = holding
         positions = np.where(holding | upkeep.out, np.nan, positions)
-        positions = np.where(hot & ~upkeep.out, self._robot.rest, positions)
+        positions = np.where(hot & ~upkeep.out & (not self.stopped), self._robot.rest, positions)
         return self._following.soften(positions, np.where(hot, 0.0, velocities))
 
     def _exchange(self, positions: np.ndarray, velocities: np.ndarray) -> None:
@@ -225,9 +257,23 @@ class Driver:
             self._envelope.positions.copy(), measured, efforts, ~upkeep.out & self._reader.fresh, now
         )
         upkeep.odd = following.limp
-        rested = np.abs(self._envelope.positions - self._robot.rest) < AT_REST
+        # On a stop, a hot joint may go nowhere: it is switched off where it stands.
+        goal = self._envelope.positions if self.stopped else self._robot.rest
+        rested = np.abs(self._envelope.positions - goal) < AT_REST
+        rested &= np.abs(self._envelope.velocities) < STILL
         for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
             upkeep.switch_off(int(joint))
+
+    def _relax_or_tighten(self) -> None:
+        """On a stop, switch torque off once the joints stand, if so configured; afterwards, on again."""
+        upkeep = self._upkeep
+        moves = bool((np.abs(self._envelope.velocities) > STILL).any())
+        self._stood = 0.0 if moves else self._stood + self._dt
+        relax = self.stopped and self._robot.bus.on_stop == "relax"
+        if relax and not upkeep.slack and self._stood >= SETTLED:
+            upkeep.relax()
+        elif upkeep.slack and not relax:
+            upkeep.tighten()
 
     def _tell(self) -> None:
         def names(joints: np.ndarray) -> tuple[str, ...]:
@@ -237,7 +283,8 @@ class Driver:
         status.late_answers = self._reader.late
         status.read_failures = self._reader.failures
         status.health = upkeep.health
-        status.out = dict(upkeep.reasons)
+        status.out = {joint: reason for joint, reason in upkeep.reasons.items() if reason != RELAXED}
+        status.relaxed = upkeep.relaxed
         status.silent = tuple(joint for joint, reason in upkeep.reasons.items() if reason == NO_ANSWER)
         status.warm = names(upkeep.heat.speed < 1.0)
         status.yielding = names(self._following.yielding)

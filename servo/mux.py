@@ -20,7 +20,11 @@ BRAKING = 0.9
 """Share of the acceleration limit with which a stop brakes."""
 
 HORIZON = np.linspace(0.0, 0.3, 7)
-"""Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late."""
+"""Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late.
+Behind them comes a last one at rest, for the case that none come: joint_trajectory_controller asks for it."""
+
+SHORTEST_REST = 0.05
+"""The last point is at least so long behind the horizon [s]."""
 
 HALF_LIFE = 0.3
 """Half-life of the difference where a source departs from its own plan [s]. A target 1 rad away is approached
@@ -108,7 +112,7 @@ class MotionMux:
         self.stopped = False
 
     def tick(self, now: float) -> JointTrajectory:
-        """Motion of all joints for the next 0.3 s."""
+        """Motion of all joints for the next 0.3 s, and a last point at which they have come to rest."""
         owner = self._next_owner(now)
         changed = owner != self._owner
         if changed.any():
@@ -124,8 +128,7 @@ class MotionMux:
             blend = np.maximum(easing_time(distance, speed, *limits), BLEND)
             self._blend = np.where(changed, blend, self._blend)
         self._forget_lapsed(now)
-        times = now + HORIZON
-        return JointTrajectory(self.joints, times, *self._command(times))
+        return self._until_rest(now + HORIZON)
 
     def _lapsed(self, source: Source, now: float) -> np.ndarray:
         """(j,) whether the source asks for the joint no more."""
@@ -171,3 +174,18 @@ class MotionMux:
         eased = ease(leaving, asked, elapsed, self._blend)
         owned = ~np.isnan(asked[0])
         return np.where(owned, eased[0], leaving[0]), np.where(owned, eased[1], leaving[1])
+
+    def _until_rest(self, times: np.ndarray) -> JointTrajectory:
+        """The motion at (n,) times [s], and one point more: all joints brake evenly and stand together."""
+        positions, velocities = self._command(times)
+        leaving, speeds, limits = positions[-1], velocities[-1], self._limits
+        braking = max(float(np.max(np.abs(speeds) / (BRAKING * limits.acceleration))), SHORTEST_REST)
+        # The cubic from here to there is the parabola of even braking; at a limit the joint stops short.
+        lower, upper = np.minimum(limits.lower, leaving), np.maximum(limits.upper, leaving)
+        rest = np.clip(leaving + 0.5 * braking * speeds, lower, upper)
+        return JointTrajectory(
+            self.joints,
+            np.append(times, times[-1] + braking),
+            np.vstack([positions, rest]),
+            np.vstack([velocities, np.zeros_like(rest)]),
+        )

@@ -45,7 +45,9 @@ class Status:
         warm: Joints that are slowed, or at rest, since their servo is warm or hot.
         yielding: Joints that were blocked or pushed away, and yield.
         blocks: How often a joint has begun to yield.
-        holding: Whether all joints hold since one is out of service, or hot.
+        holding: Whether all joints hold: since one is out of service, or hot; on a stop; or while nothing is
+            to be followed.
+        relaxed: Whether torque is off, or not yet on again, on a stop.
         ports_lost: How often the port has vanished.
         latency_timer: How long the USB adapter keeps answers back [ms], where it has such a timer.
         command_age: Time since the last new trajectory [s]; inf before the first.
@@ -64,6 +66,7 @@ class Status:
     yielding: tuple[str, ...] = ()
     blocks: int = 0
     holding: bool = False
+    relaxed: bool = False
     ports_lost: int = 0
     latency_timer: int | None = None
     command_age: float = math.inf

@@ -19,13 +19,14 @@ HEALTH_PERIOD = 0.1
 
 NO_ANSWER = "does not answer"
 HOT = "is hot"
+RELAXED = "is relaxed"
 
 
 class Upkeep:
     """Takes at most a few packets a tick: it asks a servo how it is, or goes on setting one up.
 
-    A servo is out of service while it does not answer, reports an error, has been reset, or is off to cool.
-    Once nothing speaks against it, it is set up again, and its joint starts from where it is.
+    A servo is out of service while it does not answer, reports an error, has been reset, is off to cool, or
+    is relaxed. Once nothing speaks against it, it is set up again, and its joint starts from where it is.
 
     Args:
         bus: The bus.
@@ -38,6 +39,7 @@ class Upkeep:
         out: (j,) which joints are out of service.
         reasons: Why, by joint.
         odd: (j,) joints that do not go where they are sent; set by the owner, they are asked soon.
+        slack: Whether torque is to be off; `relax` and `tighten` set it.
     """
 
     def __init__(self, bus: Bus, robot: Robot, reader: PresentReader):
@@ -46,6 +48,7 @@ class Upkeep:
         self.out = np.zeros(len(robot.servos), bool)
         self.reasons: dict[str, str] = {}
         self.odd = np.zeros(len(robot.servos), bool)
+        self.slack = False
         self._bus = bus
         self._robot = robot
         self._reader = reader
@@ -86,11 +89,29 @@ class Upkeep:
             del self.reasons[self._robot.joints[joint]]
         return back
 
-    def switch_off(self, joint: int) -> None:
-        """Let a hot servo cool, without torque."""
+    @property
+    def relaxed(self) -> bool:
+        """Whether a joint is limp since `relax`."""
+        return RELAXED in self.reasons.values()
+
+    def switch_off(self, joint: int, reason: str = HOT) -> None:
+        """Let a servo be without torque, such as a hot one."""
         with suppress(BusError):  # one that does not answer is noticed by the reader
             self._bus.write(self._robot.servos[joint].id, "Torque Enable", 0)
-            self._put_out(joint, HOT)
+            self._put_out(joint, reason)
+
+    def relax(self) -> None:
+        """Let all joints be without torque, at once, until `tighten`."""
+        self.slack = True
+        self._steps = iter(())  # whoever was being set up is not
+        self._ready.clear()
+        self._bus.set_all([servo.id for servo in self._robot.servos], "Torque Enable", 0)
+        for joint in np.flatnonzero(~self.out):
+            self._put_out(int(joint), RELAXED)
+
+    def tighten(self) -> None:
+        """Set the joints up again, one after the other, where they then are."""
+        self.slack = False
 
     def _put_out(self, joint: int, reason: str) -> None:
         self.out[joint] = True
@@ -113,9 +134,17 @@ class Upkeep:
         self.heat.feel(joint, health.temperature)
         if joint in self._ready:
             return
-        if health.trouble and not (self.out[joint] and self.heat.hot[joint] and not health.errors):
+        hot = bool(self.heat.hot[joint])
+        if self.slack and not health.errors:
+            # It may have missed the packet, or have been out of service for another reason.
+            reason = HOT if hot else RELAXED
+            if health.torque or self.reasons.get(servo.joint) != reason:
+                self.switch_off(joint, reason)
+            return
+        rightly_off = self.out[joint] and (hot or self.reasons[servo.joint] == RELAXED)
+        if health.errors or (health.trouble and not rightly_off):
             self._put_out(joint, health.trouble)
-        if self.out[joint] and not health.errors and not self.heat.hot[joint]:
+        if self.out[joint] and not health.errors and not hot:
             self._steps = self._bring_back(joint)
 
     def _bring_back(self, joint: int) -> Iterator[None]:

@@ -70,3 +70,20 @@ def _call(node, service, name, request):
     wait_until(future.done, 10.0, name)
     node.destroy_client(client)
     return future.result()
+
+
+def test_each_node_says_how_it_is(alone, listener):
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    parts = {node.name.replace("_", " ") for node in NODES} - {"servo driver"} | {"servo bus"}
+    said = {}
+
+    def all_have():
+        for heard in listener.record.diagnostics:
+            said.update((status.name, status) for status in heard.message.status)
+        return {f"gesture_bot: {part}" for part in parts} <= set(said)
+
+    wait_until(all_have, 15, "a status of each node")
+    bad = {name: said[name].message for name in said if said[name].level == DiagnosticStatus.ERROR}
+    assert not bad
+    assert said["gesture_bot: servo left_elbow"].hardware_id == "XL430-W250, ID 14"

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import soxr
 from conftest import running, wait_until
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from scipy.signal import correlate
 
 from gesture_bot.msg import Audio, Cut
@@ -127,3 +129,22 @@ def test_a_sound_card_that_breaks_is_told_and_taken_again(nodes, card):
     nodes.record.audio.clear()
     wait_until(lambda: nodes.record.audio, 10, "sound")
     assert nodes.record.audio[-1].message.utterance > 1
+
+
+def test_an_inactive_microphone_gives_the_sound_card_back(nodes):
+    client = nodes.create_client(ChangeState, "/microphone/change_state")
+    assert client.wait_for_service(30.0)
+
+    def change(transition):
+        future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+        wait_until(future.done, 10, "the transition")
+        assert future.result().success
+
+    wait_until(lambda: len(heard(nodes)), 30, "the microphone")
+    change(Transition.TRANSITION_DEACTIVATE)
+    time.sleep(0.5)
+    before = len(nodes.record.audio)
+    time.sleep(2.5)  # longer than from one look at the device to the next
+    assert len(nodes.record.audio) == before
+    change(Transition.TRANSITION_ACTIVATE)
+    wait_until(lambda: len(nodes.record.audio) > before + 5, 10, "the microphone")

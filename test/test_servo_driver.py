@@ -401,3 +401,110 @@ def test_exit(wire, on_exit):
 def test_ticks_before_the_start_are_refused():
     with pytest.raises(BusError, match="not started"):
         Driver(ROBOT, "/dev/null").tick(T0)
+
+
+def swinging(wire, **bus):
+    """A driver in the middle of a long swing of the left elbow."""
+    driver = Driver(robot_with(on_exit="off", **bus), wire.port)
+    driver.start()
+    rest = ROBOT.rest[ELBOW]
+    driver.set_trajectory(elbow_path(*[rest, rest + 0.8] * 20, seconds=0.6))
+    run(driver, 0.85)
+    return driver
+
+
+@pytest.mark.parametrize("on_stop", ["hold", "relax"])
+def test_a_stop_brakes_in_the_next_cycle_and_latches_whatever_is_planned(wire, on_stop):
+    driver = swinging(wire, on_stop=on_stop)
+    wire.writes.clear()
+    driver.stop()
+    feedback = run(driver, 1.0, T0 + 0.85)
+    speeds = np.diff(sent_angles(wire, ELBOW)) / DT
+    limit, tick = ROBOT.limits.acceleration[ELBOW], 0.0016 / DT
+    assert abs(speeds[0]) > 1.0, "it was in full swing"
+    assert abs(speeds[1]) < abs(speeds[0]) - 0.5 * limit * DT
+    assert (np.diff(np.abs(speeds)) <= tick).all(), "it only ever slows"
+    assert np.abs(np.diff(speeds)).max() / DT <= limit + 2 * tick / DT
+    assert abs(feedback[30].velocities[ELBOW]) < 0.05
+    assert {wire.servos[row.id].get("Torque Enable") for row in ROBOT.servos} == {int(on_stop == "hold")}
+    assert driver.status.holding and driver.status.relaxed == (on_stop == "relax")
+    assert driver.status.out == {}
+    driver.close()
+
+
+def test_relaxed_arms_are_moved_by_hand_and_eased_back_in_from_where_they_are(wire):
+    driver = swinging(wire, on_stop="relax")
+    elbow, row = wire.servos[ELBOW_ID], ROBOT.servos[ELBOW]
+    driver.stop()
+    run(driver, 1.0, T0 + 0.85)
+    elbow.position += row.direction * 400  # 0.61 rad
+    moved = run(driver, 0.5, T0 + 1.85)[-1].positions
+    assert elbow.get("Torque Enable") == 0
+    wire.writes.clear()
+    driver.reset()
+    standing = run(driver, 1.0, T0 + 2.35)
+    assert np.abs(np.diff([feedback.positions for feedback in standing], axis=0)).max() < 0.01
+    feedback = standing + run(driver, 6.0, T0 + 3.35)
+    assert {wire.servos[servo.id].get("Torque Enable") for servo in ROBOT.servos} == {1}
+    # The goal was where the hand had left the joint before torque came on.
+    registers = elbow.model.table
+    order = [(address, data) for servo_id, address, data in wire.writes if servo_id == ELBOW_ID]
+    on = order.index((registers["Torque Enable"].address, b"\x01"))
+    goals = [data for address, data in order[:on] if address == registers["Goal Position"].address]
+    assert [int.from_bytes(goal, "little") for goal in goals] == pytest.approx(
+        [2048 + (row.direction * moved[ELBOW] + row.offset) * 4096 / 2 / np.pi], abs=1
+    )
+    assert not driver.status.relaxed and not driver.status.holding
+    # It was eased to its plan, which it then follows again.
+    speeds = np.abs([f.velocities[ELBOW] for f in feedback])
+    met = int(np.argmax(speeds > 0.6))
+    assert met > 100
+    planned = np.array([f.planned[ELBOW] for f in feedback[-50:]])
+    measured = np.array([f.positions[ELBOW] for f in feedback[-50:]])
+    assert np.abs(planned - measured).max() < 0.2
+    driver.close()
+
+
+def test_a_servo_that_missed_the_stop_is_relaxed_when_it_is_heard_again(wire):
+    driver = swinging(wire, on_stop="relax", on_fault="carry_on")
+    elbow = wire.servos[ELBOW_ID]
+    wire.faults.silent.add(ELBOW_ID)
+    run(driver, 0.3, T0 + 0.85)
+    driver.stop()
+    run(driver, 1.0, T0 + 1.15)
+    assert elbow.get("Torque Enable") == 1
+    wire.faults.silent.clear()
+    run(driver, 1.0, T0 + 2.15)
+    assert elbow.get("Torque Enable") == 0
+    driver.reset()
+    run(driver, 4.0, T0 + 3.15)
+    assert elbow.get("Torque Enable") == 1 and driver.status.out == {}
+    driver.close()
+
+
+def test_after_a_stop_the_exit_moves_nothing(wire):
+    driver = swinging(wire)
+    driver.close()
+    driver = Driver(robot_with(on_exit="rest_then_off"), wire.port)
+    driver.start()
+    driver.stop()
+    run(driver, 0.1)
+    before = wire.servos[ELBOW_ID].position
+    driver.close()
+    assert wire.servos[ELBOW_ID].position == pytest.approx(before, abs=2)
+    assert wire.servos[ELBOW_ID].get("Torque Enable") == 0
+
+
+def test_inactive_joints_hold_and_take_up_only_what_is_planned_afterwards(wire):
+    driver = swinging(wire)
+    driver.deactivate()
+    held = run(driver, 1.0, T0 + 0.85)
+    assert np.ptp([feedback.positions for feedback in held[40:]], axis=0).max() < 2e-3
+    driver.activate()
+    still = run(driver, 0.5, T0 + 1.85)
+    assert np.ptp([feedback.positions for feedback in still], axis=0).max() < 2e-3
+    assert wire.servos[ELBOW_ID].get("Torque Enable") == 1
+    target = replace(elbow_path(ROBOT.rest[ELBOW]), times=np.array([T0 + 2.35]))
+    driver.set_trajectory(target)
+    assert run(driver, 3.0, T0 + 2.35)[-1].positions[ELBOW] == pytest.approx(ROBOT.rest[ELBOW], abs=3e-3)
+    driver.close()

@@ -45,7 +45,7 @@ def play(mux, start, seconds, events=()):
             events.pop(0)[1]()
         trajectory = mux.tick(now)
         assert trajectory.joints == JOINTS
-        assert trajectory.times[0] == now and trajectory.times[-1] == pytest.approx(now + 0.1)
+        assert trajectory.times[0] == now and trajectory.times[-1] > now + 0.3
         out.append((now, trajectory.positions[0], trajectory.velocities[0]))
     return tuple(map(np.array, zip(*out, strict=True)))
 
@@ -61,7 +61,7 @@ def assert_smooth(positions, velocities):
 def test_it_begins_at_rest_owned_by_nobody():
     mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     trajectory = mux.tick(T0)
-    np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (7, 1)))
+    np.testing.assert_array_equal(trajectory.positions, np.tile(REST, (8, 1)))
     assert set(mux.owners.values()) == {"nobody"}
 
 
