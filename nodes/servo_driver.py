@@ -3,6 +3,7 @@
 import sys
 import threading
 import time
+import traceback
 from collections import deque
 from contextlib import ExitStack, suppress
 from typing import Any
@@ -15,7 +16,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from gesture_bot.base.errors import BusError, InvalidValueError
+from gesture_bot.base.errors import BusError, GestureBotError, InvalidValueError
 from gesture_bot.evaluate.lag import SHIFTS, motion_lag
 from gesture_bot.msg import JointOwners
 from gesture_bot.nodes.managed import ManagedNode
@@ -116,10 +117,11 @@ class ServoDriver(ManagedNode):
                 for parameter in parameters:
                     if parameter.name == "virtual_fault":
                         bus.inject(parameter.value)
-            except InvalidValueError as error:
+            except (InvalidValueError, OSError) as error:
                 return SetParametersResult(successful=False, reason=str(error))
             return SetParametersResult(successful=True)
 
+        bus.inject(self.get_parameter("virtual_fault").value)
         self.add_on_set_parameters_callback(take)
         return bus
 
@@ -128,9 +130,10 @@ class ServoDriver(ManagedNode):
         while not self._stopping.wait(max(0.0, due - time.monotonic())):
             try:
                 feedback = self._driver.tick(self.now())
-            except BusError as error:
-                self._trouble = str(error)
-                self.get_logger().error(str(error), throttle_duration_sec=1.0)
+            except Exception as error:  # whatever it is, the next cycle may go well
+                self._trouble = str(error) or repr(error)
+                text = self._trouble if isinstance(error, GestureBotError) else traceback.format_exc()
+                self.get_logger().error(text, throttle_duration_sec=1.0)
             else:
                 self._trouble = ""
                 # A state whose moment is not known would look like a jump.
@@ -185,6 +188,7 @@ class ServoDriver(ManagedNode):
         troubles += [f"{joint} {reason}" for joint, reason in status.out.items()]
         level = DiagnosticStatus.ERROR if troubles else DiagnosticStatus.WARN
         troubles += [f"{joint} is blocked, and yields" for joint in status.yielding]
+        troubles += [f"{joint} is held, or the robot would touch itself" for joint in status.kept_off]
         if status.latency_timer and status.latency_timer > 1:
             troubles.append(f"the USB adapter keeps answers back for {status.latency_timer} ms")
         bus = diagnostic(

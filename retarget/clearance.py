@@ -87,8 +87,13 @@ class Clearance:
 
     def joints(self, pair: int) -> np.ndarray:
         """(j,) which joints move the shapes of a pair against each other."""
+        return np.any(self.sides(pair), axis=0)
+
+    def sides(self, pair: int) -> list[np.ndarray]:
+        """(j,) masks of the joints that move one shape of a pair and not the other; one mask, or two."""
         one, other = self._kinematics.model.geom_bodyid[self._pairs[pair]]
-        return self._kinematics.joints_above(one) ^ self._kinematics.joints_above(other)
+        above, beside = self._kinematics.joints_above(one), self._kinematics.joints_above(other)
+        return [side for side in (above & ~beside, beside & ~above) if side.any()]
 
     def reaches(self) -> np.ndarray:
         """(pairs, j) how far the shapes of each pair move against each other at most, by joint [m/rad]."""

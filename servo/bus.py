@@ -5,7 +5,7 @@ import re
 import termios
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NamedTuple, Protocol
 
 from dynamixel_sdk import (
@@ -17,7 +17,6 @@ from dynamixel_sdk import (
     Protocol2PacketHandler,
 )
 from dynamixel_sdk.protocol2_packet_handler import PKT_ERROR, PKT_ID, PKT_LENGTH_H, PKT_LENGTH_L
-from serial import SerialException
 from serial.tools.list_ports import comports
 
 from gesture_bot.base.errors import BusError, PortError
@@ -180,12 +179,14 @@ class Bus:
         self._port = Port(port) if isinstance(port, str) else port
         self.port: str = self._port.port_name
         self.clock = self._port.clock
+        self._port.reply_wait = PATIENT_WAIT
         self._sdk = _PacketHandler()
         try:
             opened = self._port.setBaudRate(baudrate)
-        except SerialException as error:
-            if error.errno in REFUSALS:
-                raise BusError(REFUSALS[error.errno], self.port) from error
+        except (OSError, termios.error) as error:
+            number = error.args[0] if error.args else None
+            if number in REFUSALS:
+                raise BusError(REFUSALS[number], self.port) from error
             ports = [found.device for found in comports()] or ["no serial port found"]
             raise BusError("cannot open the serial port", self.port, ports) from error
         if not opened:
@@ -206,8 +207,9 @@ class Bus:
         self._port.reply_wait = REPLY_WAIT
 
     def close(self) -> None:
-        """Close the port."""
-        self._port.closePort()
+        """Close the port, which may have vanished."""
+        with suppress(OSError, termios.error):
+            self._port.closePort()
 
     def ping(self, servo_id: int) -> int | None:
         """Model Number (0) of a servo, or None when none with this ID answers."""

@@ -40,16 +40,21 @@ class CollisionGuard:
         self._known = np.full(len(self._reaches), -np.inf)
         self._known_at = positions.copy()
 
-    def moved(self, positions: np.ndarray) -> None:
-        """The joints are now at (j,) positions [rad]: what has come free stays so."""
-        if self._allowed:
-            self._allowed = {
-                pair: max(distance, self._allowed.get(pair, distance))
-                for pair, distance in self._clearance.under(positions, LEAST).items()
-            }
+    def moved(self, positions: np.ndarray, surely: bool) -> None:
+        """The joints are now at (j,) positions [rad]: what has come free stays so.
 
-    def touching(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        """Which joints bring shapes too close to each other before they all have come to rest.
+        If they keep clear not `surely`, as when a servo was found elsewhere than it was sent, what is too
+        close may not come closer.
+        """
+        if self._allowed or not surely:
+            before, self._allowed = self._allowed, self._clearance.under(positions, LEAST)
+            for pair, distance in self._allowed.items():
+                allowed = before.get(pair, LEAST)
+                if distance > allowed - 2 * ROUNDING:
+                    self._allowed[pair] = max(distance, allowed)
+
+    def touching(self, positions: np.ndarray, velocities: np.ndarray) -> list[np.ndarray]:
+        """Which joints bring two shapes too close to each other before all have come to rest.
 
         The way is followed in steps in which no shape can reach another (conservative advancement: Mirtich
         1996, Impulse-based Dynamic Simulation, 2.3).
@@ -59,7 +64,7 @@ class CollisionGuard:
             velocities: (j,) [rad/s].
 
         Returns:
-            (j,) mask; none if all keep clear.
+            (j,) masks of the joints on either side that could brake; empty if all keep clear.
         """
         path = self._braking(positions, velocities)
         steps = np.abs(np.diff(path, axis=0, prepend=path[:1]))
@@ -76,12 +81,12 @@ class CollisionGuard:
                 pair = int(pairs[i])
                 distances[i] = self._clearance.distance(pair, FAR)
                 if distances[i] < self._allowed.get(pair, LEAST) - ROUNDING:
-                    return self._clearance.joints(pair)
+                    return self._clearance.sides(pair)
             if at == 0:
                 self._known[pairs] = distances
             reached = ways[:, pairs] < ways[at, pairs] + distances - LEAST
             due[pairs] = np.maximum(reached.sum(axis=0), at + 1)
-        return np.zeros(len(positions), bool)
+        return []
 
     def _braking(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
         """(n, j) positions at each tick until all joints are at rest [rad]."""

@@ -31,6 +31,9 @@ EXIT_SHARE = 0.8
 AT_REST = 1e-3
 """A hot joint that was sent this close to its rest position is switched off [rad]."""
 
+PATIENCE = 2.0
+"""A joint that the collision guard holds for so long is told; a hot one is switched off there [s]."""
+
 STILL = 1e-3
 """Joints that are sent no faster than this stand [rad/s] ..."""
 
@@ -87,6 +90,7 @@ class Driver:
         self._fresh = False
         self._last_packet = -math.inf
         self._stood = 0.0
+        self._kept_off = np.zeros(len(robot.joints))
 
     def start(self) -> None:
         """Open the port, check and set up every servo, and switch torque on where each joint is.
@@ -101,7 +105,7 @@ class Driver:
             for servo in self._robot.servos:
                 set_up(bus, self._robot, servo)
             self._reader = PresentReader(bus, self._table.ids)
-            self._reader.read()
+            self._reader.read_all()
         except BusError:
             bus.close()
             raise
@@ -151,14 +155,14 @@ class Driver:
             BusError: The port is back, but the robot cannot be started.
         """
         if self._port_lost:
-            if now < self._next_open:
+            if self.clock.monotonic() < self._next_open:
                 raise PortError("the serial port has vanished", self._port.port_name)
-            self._next_open = now + REOPEN_PERIOD
+            self._next_open = self.clock.monotonic() + REOPEN_PERIOD
             self.start()
         try:
             return self._cycle(now)
         except PortError:
-            self._lose_port(now)
+            self._lose_port()
             raise
 
     def close(self) -> None:
@@ -188,13 +192,13 @@ class Driver:
         self._open_bus()
         self._compare_clocks(now)
         self._account(now)
-        self._upkeep.step(now)
+        self._upkeep.step(self.clock.monotonic())
         # Servos are behind their goals: these are sent so much earlier.
         positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
-        asked, planned = self._asked(positions[0], velocities[0], now), positions[1]
+        asked, planned = self._asked(positions[0], velocities[0]), positions[1]
         self._exchange(*asked)
         measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        self._compare(measured, efforts, now)
+        self._compare(measured, efforts)
         self._relax_or_tighten()
         self._tell()
         stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
@@ -220,15 +224,13 @@ class Driver:
             self._commanded, self._fresh = now, False
         status.command_age = now - self._commanded
 
-    def _asked(
-        self, positions: np.ndarray, velocities: np.ndarray, now: float
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _asked(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the joints are asked for: what is planned, unless they are to hold, to rest or to yield."""
         upkeep, hot = self._upkeep, self._upkeep.heat.hot
         faulty = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
         holding = self.stopped or not self.active or upkeep.relaxed or faulty
         everyone = np.full(len(hot), self.status.holding and not holding)
-        self._envelope.ease(everyone | hot | self._following.release(now))
+        self._envelope.ease(everyone | hot | self._following.release(self.clock.monotonic()))
         self.status.holding = holding
         positions = np.where(holding | upkeep.out, np.nan, positions)
         positions = np.where(hot & ~upkeep.out & (not self.stopped), self._robot.rest, positions)
@@ -247,20 +249,21 @@ class Driver:
         self._last_packet = self.clock.monotonic()
         self._reader.read()
 
-    def _compare(self, measured: np.ndarray, efforts: np.ndarray, now: float) -> None:
+    def _compare(self, measured: np.ndarray, efforts: np.ndarray) -> None:
         """See which joints are out of service, limp, blocked, or to be switched off."""
         upkeep, following = self._upkeep, self._following
         back = upkeep.heed()
         # What is out of service starts again from where it is.
         self._envelope.reset(measured, upkeep.out | back)
-        following.compare(
-            self._envelope.positions.copy(), measured, efforts, ~upkeep.out & self._reader.fresh, now
-        )
+        watched = ~upkeep.out & self._reader.fresh
+        following.compare(self._envelope.positions.copy(), measured, efforts, watched, self.clock.monotonic())
         upkeep.odd = following.limp
         # On a stop, a hot joint may go nowhere: it is switched off where it stands.
         goal = self._envelope.positions if self.stopped else self._robot.rest
         rested = np.abs(self._envelope.positions - goal) < AT_REST
         rested &= np.abs(self._envelope.velocities) < STILL
+        self._kept_off = np.where(self._envelope.kept_off, self._kept_off + self._dt, 0.0)
+        rested |= self._kept_off > PATIENCE
         for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
             upkeep.switch_off(int(joint))
 
@@ -289,6 +292,7 @@ class Driver:
         status.warm = names(upkeep.heat.speed < 1.0)
         status.yielding = names(self._following.yielding)
         status.blocks = self._following.blocks
+        status.kept_off = names(self._kept_off > PATIENCE)
 
     def _arm(self) -> None:
         """Clear and arm the servos' watchdogs, and start again from where the joints are."""
@@ -297,15 +301,15 @@ class Driver:
         bus.set_all(used, "Bus Watchdog", 0)
         self._reader.read()
         positions, _, _ = self._table.joint_state(self._reader.present)
-        self._envelope.reset(positions)
+        self._envelope.reset(np.where(self._reader.fresh, positions, self._envelope.positions))
         bus.set_all(used, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
         self._last_packet = self.clock.monotonic()
 
-    def _lose_port(self, now: float) -> None:
+    def _lose_port(self) -> None:
         self.status.ports_lost += 1
         self._open_bus().close()
         self._bus, self._port_lost = None, True
-        self._next_open = now + REOPEN_PERIOD
+        self._next_open = self.clock.monotonic() + REOPEN_PERIOD
 
     def _go_to_rest(self) -> None:
         """Move to the rest pose, from whatever motion is under way, in real time."""

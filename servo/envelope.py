@@ -1,5 +1,6 @@
 """The safety envelope: the last step before the bus, which no motion leaves, whoever asks for it."""
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,10 @@ MET = 0.02
 
 HELD_BACK = 1e-3
 """A joint this far behind its target counts as held back [rad]."""
+
+
+TRIES = 6
+"""How often it is tried to let only some joints brake before the robot touches itself; then all do."""
 
 
 @dataclass
@@ -44,6 +49,7 @@ class Envelope:
 
     Attributes:
         interventions: What it had to hold back so far.
+        kept_off: (j,) which joints brake, or stand, so that the robot does not touch itself.
     """
 
     def __init__(
@@ -54,6 +60,7 @@ class Envelope:
         self._follower = Follower(limits, dt, positions)
         self._met = np.zeros(len(positions), bool)
         self._guard = guard
+        self.kept_off = np.zeros(len(positions), bool)
         if guard:
             guard.reset(positions)
 
@@ -106,9 +113,9 @@ class Envelope:
         fastest = speed * limits.velocity
         fastest = np.where(self._met, fastest, np.minimum(fastest, EASING_VELOCITY))
         follower.limits = replace(limits, velocity=fastest)
-        sent, braking = self._move(target, wanted, stop)
+        sent, self.kept_off = self._move(target, wanted, stop)
 
-        held_back = asked & self._met & ~braking & (np.abs(sent - target) > HELD_BACK)
+        held_back = asked & self._met & ~self.kept_off & (np.abs(sent - target) > HELD_BACK)
         outside = (target < limits.lower) | (target > limits.upper)
         too_fast = ~outside & (np.abs(wanted) > limits.velocity)
         self.interventions.position += int(np.count_nonzero(held_back & outside))
@@ -119,21 +126,27 @@ class Envelope:
     def _move(
         self, target: np.ndarray, wanted: np.ndarray, stop: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Move for one tick, and tell which joints had to brake so that the robot does not touch itself."""
+        """Move for one tick, and tell which joints had to brake so that the robot does not touch itself.
+
+        Where two arms come close to each other, one of them brakes, if that is enough.
+        """
         follower, guard = self._follower, self._guard
         before = follower.position, follower.velocity
-        sent, velocities = follower.step(target, wanted)
-        braking = np.zeros(len(sent), bool)
-        if guard is None:
-            return sent, braking
-        braking = guard.touching(sent, velocities)
-        if braking.any():
-            self.interventions.collision += 1
-            follower.reset(*before)
+        untried = deque([np.zeros(len(target), bool)])
+        for _ in range(TRIES):
+            if not untried:
+                break
+            braking = untried.popleft()
             sent, velocities = follower.step(np.where(braking, stop, target), np.where(braking, 0.0, wanted))
-            if guard.touching(sent, velocities).any():
-                follower.reset(*before)
-                sent, _ = follower.brake()
-                braking[:] = True
-        guard.moved(sent)
+            sides = guard.touching(sent, velocities) if guard else []
+            if not sides:
+                break
+            follower.reset(*before)
+            untried += [braking | side for side in sides if (side & ~braking).any()]
+        if sides:
+            braking = np.ones(len(target), bool)
+            sent, _ = follower.brake()
+        if guard:
+            guard.moved(sent, surely=not sides)
+        self.interventions.collision += bool(braking.any())
         return sent, braking

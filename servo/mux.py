@@ -19,6 +19,9 @@ SHARE = 0.4
 BRAKING = 0.9
 """Share of the acceleration limit with which a stop brakes."""
 
+SET_BACK = 1.0
+"""A clock that goes back by more was set anew [s]."""
+
 HORIZON = np.linspace(0.0, 0.3, 7)
 """Moments of the points put out, from now on [s]: the robot moves on evenly when the next ones come late.
 Behind them comes a last one at rest, for the case that none come: joint_trajectory_controller asks for it."""
@@ -68,6 +71,7 @@ class MotionMux:
         self._left_position = np.array(positions, float)
         self._left_velocity = np.zeros(len(joints))
         self._blend = np.full(len(joints), BLEND)
+        self._ticked = -np.inf
 
     @property
     def owners(self) -> dict[str, str]:
@@ -113,6 +117,9 @@ class MotionMux:
 
     def tick(self, now: float) -> JointTrajectory:
         """Motion of all joints for the next 0.3 s, and a last point at which they have come to rest."""
+        if now < self._ticked - SET_BACK:
+            self._start_over(now)
+        self._ticked = now
         owner = self._next_owner(now)
         changed = owner != self._owner
         if changed.any():
@@ -129,6 +136,16 @@ class MotionMux:
             self._blend = np.where(changed, blend, self._blend)
         self._forget_lapsed(now)
         return self._until_rest(now + HORIZON)
+
+    def _start_over(self, now: float) -> None:
+        """The clock was set back: what is planned is void, and all joints brake where they were."""
+        where, speed = self._command(np.array([self._ticked]))
+        self._left_position, self._left_velocity = where[0], speed[0]
+        self._changed[:], self._owner[:] = now, NOBODY
+        for name, plan in self._plans.items():
+            plan.forget(set(self.joints))
+            self._heard[name][:] = -np.inf
+        self._lock_heard = {name: (engaged, now) for name, (engaged, _) in self._lock_heard.items()}
 
     def _lapsed(self, source: Source, now: float) -> np.ndarray:
         """(j,) whether the source asks for the joint no more."""

@@ -5,11 +5,15 @@ from collections import deque
 
 import numpy as np
 
-from gesture_bot.servo.bus import Bus
+from gesture_bot.base.errors import BusError
+from gesture_bot.servo.bus import ATTEMPTS, Bus
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
 
 SILENT_AFTER = 8
 """A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
+
+ALONE_AFTER = 2
+"""After so many, it is asked alone: those behind it in a common question may wait for its answer in vain."""
 
 STAMP_ERROR = 0.004
 """How far the moment of a reading may be off [s].
@@ -57,6 +61,7 @@ class PresentReader:
         self._missed = dict.fromkeys(ids, 0)
         self._took: deque[float] = deque(maxlen=_USUAL)
         self._plain = 0
+        self._turn = 0
         # Firmware without Fast Sync Read leaves the question without an answer.
         self._fast = any(bus.sync_read(ids, PRESENT_ADDRESS, PRESENT.itemsize, fast=True) for _ in range(2))
 
@@ -68,11 +73,12 @@ class PresentReader:
     def read(self) -> None:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
+        together = [servo_id for servo_id in asked if self._missed[servo_id] < ALONE_AFTER]
         fast = self._fast and not self._plain
         self._plain = max(self._plain - 1, 0)
-        answers = self._bus.sync_read(asked, PRESENT_ADDRESS, PRESENT.itemsize, fast)
+        answers = self._bus.sync_read(together, PRESENT_ADDRESS, PRESENT.itemsize, fast)
         self.read_at = self._bus.asked_at
-        missing = sorted(set(asked) - set(answers), key=lambda servo_id: -self._missed[servo_id])
+        missing = self._in_turn(set(asked) - set(answers))
         if missing:
             self.failures += 1
             self._plain = PLAIN_CYCLES
@@ -90,6 +96,26 @@ class PresentReader:
             else:
                 self._missed[servo_id] += 1
         self._judge(self._bus.clock.monotonic() - self.read_at)
+
+    def read_all(self) -> None:
+        """Bring all of `present` up to date, in a few attempts.
+
+        Raises:
+            BusError: A servo does not answer.
+        """
+        missing = set(self._ids)
+        for _ in range(ATTEMPTS):
+            self.read()
+            missing -= {servo_id for servo_id, fresh in zip(self._ids, self.fresh, strict=True) if fresh}
+            if not missing:
+                return
+        raise BusError(f"servos on {self._bus.port} stopped answering, IDs", sorted(missing))
+
+    def _in_turn(self, missing: set[int]) -> list[int]:
+        """The one first that has been missed longest. Of equals another each time: one may be gone."""
+        self._turn += 1
+        turns = {servo_id: (at - self._turn) % len(self._ids) for at, servo_id in enumerate(self._ids)}
+        return sorted(missing, key=lambda servo_id: (-self._missed[servo_id], turns[servo_id]))
 
     def heard(self, servo_id: int) -> None:
         """A servo that was silent has answered."""

@@ -44,6 +44,7 @@ class Status:
         out: Joints that are out of service, and why; silent ones are among them.
         warm: Joints that are slowed, or at rest, since their servo is warm or hot.
         yielding: Joints that were blocked or pushed away, and yield.
+        kept_off: Joints that have been held for a while, so that the robot does not touch itself.
         blocks: How often a joint has begun to yield.
         holding: Whether all joints hold: since one is out of service, or hot; on a stop; or while nothing is
             to be followed.
@@ -64,6 +65,7 @@ class Status:
     out: dict[str, str] = field(default_factory=dict)
     warm: tuple[str, ...] = ()
     yielding: tuple[str, ...] = ()
+    kept_off: tuple[str, ...] = ()
     blocks: int = 0
     holding: bool = False
     relaxed: bool = False

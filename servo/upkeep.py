@@ -134,6 +134,8 @@ class Upkeep:
         self.heat.feel(joint, health.temperature)
         if joint in self._ready:
             return
+        if self.out[joint] and self.heat.hot[joint] and health.torque:
+            self.switch_off(joint)
         hot = bool(self.heat.hot[joint])
         if self.slack and not health.errors:
             # It may have missed the packet, or have been out of service for another reason.

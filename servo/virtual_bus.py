@@ -143,7 +143,7 @@ class VirtualBus:
         """
         read_faults(faults, self._ids)
         assert self._process.stdin
-        print(faults, file=self._process.stdin, flush=True)
+        print(*faults.split(), file=self._process.stdin, flush=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None

@@ -38,4 +38,4 @@ class WireFaults:
 
     def _gap(self) -> int:
         """How many bits in a row are right: a geometric distribution."""
-        return int(math.log(1.0 - self.random.random()) / math.log(1.0 - self.bit_noise))
+        return int(math.log1p(-self.random.random()) / math.log1p(-self.bit_noise))

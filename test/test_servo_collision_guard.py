@@ -85,6 +85,23 @@ def test_an_arm_that_would_touch_waits_and_the_other_goes_on():
     np.testing.assert_allclose(back[-1], ROBOT.rest, atol=1e-3)
 
 
+def test_the_head_turns_while_both_arms_press_on_the_body():
+    pressing = pose(**across("left"), **across("right"))
+    envelope = guarded()
+    run(envelope, pressing, 4.0)
+    for angle in (0.5, -0.5):
+        pressing[JOINTS["head_pan"]] = angle
+        assert run(envelope, pressing, 2.0)[-1][JOINTS["head_pan"]] == pytest.approx(angle, abs=1e-3)
+
+
+def test_where_joints_are_found_too_close_they_stay_free_to_part():
+    envelope = guarded()
+    found = pose(**across("left"))
+    envelope.reset(found, np.array([joint.startswith("left") for joint in ROBOT.joints]))
+    assert distances([envelope.positions])[0] < 0
+    assert distances(run(envelope, ROBOT.rest, 4.0))[-1] > LEAST
+
+
 def test_what_touches_at_the_start_comes_free_but_not_closer():
     deeper = pose(**across("left"))
     start = deeper + 0.3 * (ROBOT.rest - deeper)

@@ -19,6 +19,7 @@ from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.health import HEALTH_ADDRESS, HEALTH_SIZE
 from gesture_bot.servo.models import WATCHDOG_ERROR, signed
 from gesture_bot.servo.mux import MotionMux
+from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
@@ -302,6 +303,16 @@ def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
         assert driver.tick(T0 + k * DT).prompt == (not late)
     assert driver.status.late_answers == 10
     driver.close()
+
+
+def test_a_servo_that_does_not_tell_where_it_is_is_named():
+    wire = simulated_bus(ROBOT)
+    bus = Bus(wire.port, ROBOT.bus.baudrate)
+    reader = PresentReader(bus, [servo.id for servo in ROBOT.servos])
+    reader.read_all()
+    wire.faults.silent.add(ELBOW_ID)
+    with pytest.raises(BusError, match=f"stopped answering, IDs: \\[{ELBOW_ID}\\]"):
+        reader.read_all()
 
 
 def test_a_slow_usb_adapter_is_told(tmp_path, monkeypatch):

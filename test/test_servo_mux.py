@@ -217,6 +217,21 @@ def test_stop_brakes_and_latches_until_reset():
     assert set(mux.owners.values()) == {"teleop"}
 
 
+def test_a_clock_that_is_set_back_voids_the_plans_and_new_ones_are_followed():
+    mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
+    mux.set_source("gesture", wave(seconds=10.0), T0)
+    _, *before = play(mux, T0, 1.1)
+    earlier = T0 - 3600.0
+    _, *after = play(mux, earlier, 1.0)
+    assert after[0][0] == pytest.approx(before[0][-1]) and after[1][0] == pytest.approx(before[1][-1])
+    assert_smooth(*after)
+    assert set(mux.owners.values()) == {"nobody"}
+    again = wave(start=earlier + 1.0)
+    mux.set_source("gesture", again, earlier + 1.0)
+    times, positions, _ = play(mux, earlier + 1.0, 2.0)
+    np.testing.assert_allclose(positions[-10:], again.at(times[-10:])[0], atol=1e-6)
+
+
 def test_bad_messages_are_refused_and_change_nothing():
     mux = MotionMux(LIMITS, REST, SOURCES, LOCKS)
     with pytest.raises(InvalidValueError, match="'tail'; valid: left, right, head"):
