@@ -1,7 +1,6 @@
 """`gesture-bot teleop`: move a robot's joints by keys, while the graph runs."""
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from rich.live import Live
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.cli.keyboard import keyboard
 from gesture_bot.cli.teleop_panel import Panel
+from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.terminal_teleop import TerminalTeleop
 from gesture_bot.retarget.robot import Robot, load_robot
 
@@ -36,7 +36,7 @@ def command(options: argparse.Namespace) -> int:
     if not (sys.stdin.isatty() and console.is_terminal):
         raise GestureBotError("gesture-bot teleop needs a terminal, to show joints on and to read keys from")
     robot = load_robot(options.robot)
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_local()
     with _operator(robot) as (operator, spin):
         _wait_for_joints(robot, operator, spin)
         panel = Panel(robot, operator)

@@ -124,8 +124,8 @@ class Bus(_Section):
     protocol: float = Field(ge=2.0, le=2.0)
     lag_ms: float = Field(0.0, ge=0, le=100)
     watchdog_ms: int = Field(ge=20, le=2540, multiple_of=20)
-    warm_degc: float = Field(60.0, gt=0, le=100)
-    hot_degc: float = Field(68.0, gt=0, le=100)
+    warm_degc: float = Field(default=60.0, gt=0, le=100)
+    hot_degc: float = Field(default=68.0, gt=0, le=100)
     on_fault: Literal["stop", "carry_on"] = "stop"
     on_stop: Literal["hold", "relax"] = "hold"
     on_exit: Literal["rest_then_off", "hold", "off"]
