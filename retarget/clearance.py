@@ -73,16 +73,22 @@ class Clearance:
     def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
         """(n,) distances under a limit at (j,) angles, and their (n, j) derivatives [rad, m]."""
         self._kinematics.place(angles)
-        distances, derivatives = [], []
+        found: list[float] = []
+        pairs, ends = [], []
         for pair in self._around(limit):
             distance = self._distance(pair, limit)
             if distance < limit and distance:
-                away = (self._ends[3:] - self._ends[:3]) / distance
-                links = self._kinematics.model.geom_bodyid[self._pairs[pair]]
-                moving = self._kinematics.jacobians(links, self._ends.reshape(2, 3))[:, 0]
-                distances.append(distance)
-                derivatives.append(away @ (moving[1] - moving[0]))
-        return np.array(distances), np.array(derivatives).reshape(-1, len(angles))
+                found.append(distance)
+                pairs.append(pair)
+                ends.append(self._ends.copy())
+        if not found:
+            return np.empty(0), np.empty((0, len(angles)))
+        distances, points = np.array(found), np.array(ends).reshape(-1, 2, 3)
+        links = self._kinematics.model.geom_bodyid[self._pairs[pairs]]
+        moving = self._kinematics.jacobians(links.ravel(), points.reshape(-1, 3))[:, 0]
+        moving = moving.reshape(-1, 2, *moving.shape[1:])
+        away = (points[:, 1] - points[:, 0]) / distances[:, None]
+        return distances, (away[:, None] @ (moving[:, 1] - moving[:, 0]))[:, 0]
 
     def joints(self, pair: int) -> np.ndarray:
         """(j,) which joints move the shapes of a pair against each other."""
@@ -107,8 +113,9 @@ class Clearance:
 
     def _around(self, limit: float) -> np.ndarray:
         """Pairs whose bounding spheres are closer than a limit."""
-        centres = self._kinematics.data.geom_xpos[self._pairs]
-        return np.flatnonzero(np.linalg.norm(centres[:, 0] - centres[:, 1], axis=1) - self._radii < limit)
+        centres = self._kinematics.data.geom_xpos
+        apart = centres.take(self._pairs[:, 0], axis=0) - centres.take(self._pairs[:, 1], axis=0)
+        return np.flatnonzero(np.einsum("ij,ij->i", apart, apart) < (self._radii + limit) ** 2)
 
     def _distance(self, pair: int, limit: float) -> float:
         """Between two shapes [m], or the limit if they are farther apart. Where it is measured is kept."""
