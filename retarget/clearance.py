@@ -50,6 +50,7 @@ class Clearance:
             and (owners[other] not in forearms[0] or own is not forearms[1])
         ]
         self._pairs = np.array(pairs, int).reshape(-1, 2)
+        self._every = np.arange(len(self._pairs))
         self._radii = model.geom_rbound[self._pairs].sum(axis=1)
         self._ends = np.zeros(6)
 
@@ -59,7 +60,7 @@ class Clearance:
         model = self._kinematics.model
         nearest = FARTHEST, ("", "")
         for pair in self._around(FARTHEST):
-            if (distance := self._distance(pair, nearest[0])) < nearest[0]:
+            if (distance := self.distance(pair, nearest[0])) < nearest[0]:
                 one, other = (model.body(model.geom_bodyid[geom]).name for geom in self._pairs[pair])
                 nearest = distance, (one, other)
         return Nearest(*nearest)
@@ -67,7 +68,7 @@ class Clearance:
     def under(self, angles: np.ndarray, limit: float) -> dict[int, float]:
         """Distances under a limit at (j,) angles, by the number of the pair of shapes [rad, m]."""
         self._kinematics.place(angles)
-        found = {pair: self._distance(pair, limit) for pair in self._around(limit)}
+        found = {pair: self.distance(pair, limit) for pair in self._around(limit)}
         return {pair: distance for pair, distance in found.items() if distance < limit}
 
     def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +77,7 @@ class Clearance:
         found: list[float] = []
         pairs, ends = [], []
         for pair in self._around(limit):
-            distance = self._distance(pair, limit)
+            distance = self.distance(pair, limit)
             if distance < limit and distance:
                 found.append(distance)
                 pairs.append(pair)
@@ -96,35 +97,50 @@ class Clearance:
         return self._kinematics.joints_above(one) ^ self._kinematics.joints_above(other)
 
     def reaches(self) -> np.ndarray:
-        """(j,) farthest that a part of such a shape can be from each joint [m]."""
-        model, coupling = self._kinematics.model, self._kinematics.coupling
-        reaches = np.zeros(coupling.shape[1])
-        for geom in np.unique(self._pairs):
-            length = np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom]
-            body = model.geom_bodyid[geom]
-            while body:
-                dofs = model.dof_bodyid == body
-                away = length + np.linalg.norm(model.jnt_pos[model.dof_jntid[dofs]], axis=1)
-                turned = (np.abs(coupling[dofs]) * away[:, None]).max(axis=0, initial=0.0)
-                reaches = np.maximum(reaches, turned)
-                length += np.linalg.norm(model.body_pos[body])
-                body = model.body_parentid[body]
-        return reaches
+        """(pairs, j) how far the shapes of each pair move against each other at most, by joint [m/rad]."""
+        geoms = np.unique(self._pairs)
+        reaches = np.zeros((self._kinematics.model.ngeom, self._kinematics.coupling.shape[1]))
+        reaches[geoms] = [self._reach(geom) for geom in geoms]
+        one, other = reaches[self._pairs[:, 0]], reaches[self._pairs[:, 1]]
+        # A joint that moves both shapes leaves them as they are to each other.
+        return np.where((one > 0) & (other > 0), 0.0, one + other)
 
-    def _around(self, limit: float) -> np.ndarray:
-        """Pairs whose bounding spheres are closer than a limit."""
-        centres = self._kinematics.data.geom_xpos
-        apart = centres.take(self._pairs[:, 0], axis=0) - centres.take(self._pairs[:, 1], axis=0)
-        return np.flatnonzero(np.einsum("ij,ij->i", apart, apart) < (self._radii + limit) ** 2)
+    def gaps(self, pairs: np.ndarray) -> np.ndarray:
+        """(n,) distances of the spheres around the shapes of n pairs, where the joints are now [m]."""
+        centres, (one, other) = self._kinematics.data.geom_xpos, self._pairs[pairs].T
+        apart = centres.take(one, axis=0) - centres.take(other, axis=0)
+        return np.sqrt(np.einsum("ij,ij->i", apart, apart)) - self._radii[pairs]
 
-    def _distance(self, pair: int, limit: float) -> float:
-        """Between two shapes [m], or the limit if they are farther apart. Where it is measured is kept."""
+    def place(self, angles: np.ndarray) -> None:
+        """Put the joints at (j,) angles [rad]."""
+        self._kinematics.place(angles)
+
+    def distance(self, pair: int, limit: float) -> float:
+        """Between the shapes of a pair, where the joints are now [m]; the limit, if that is less."""
         one, other = self._pairs[pair]
         return float(
             mujoco.mj_geomDistance(
                 self._kinematics.model, self._kinematics.data, one, other, limit, self._ends
             )
         )
+
+    def _reach(self, geom: int) -> np.ndarray:
+        """(j,) how far any point of a shape can be from the axis of each joint that moves it [m]."""
+        model, coupling = self._kinematics.model, self._kinematics.coupling
+        reach = np.zeros(coupling.shape[1])
+        length = np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom]
+        body = model.geom_bodyid[geom]
+        while body:
+            dofs = model.dof_bodyid == body
+            away = length + np.linalg.norm(model.jnt_pos[model.dof_jntid[dofs]], axis=1)
+            reach = np.maximum(reach, (np.abs(coupling[dofs]) * away[:, None]).max(axis=0, initial=0.0))
+            length += np.linalg.norm(model.body_pos[body])
+            body = model.body_parentid[body]
+        return reach
+
+    def _around(self, limit: float) -> np.ndarray:
+        """Pairs whose bounding spheres are closer than a limit."""
+        return np.flatnonzero(self.gaps(self._every) < limit)
 
     def _below(self, link: str) -> set[int]:
         """A link and all that hang on it."""

@@ -8,6 +8,9 @@ from gesture_bot.retarget.robot import Robot
 LEAST = 0.005
 """Least distance of forearms and hands from the rest of the robot [m]."""
 
+FAR = 0.3
+"""Distances over this are not told apart [m]."""
+
 ROUNDING = 1e-5
 """Distances waver by this where nothing moves [m]."""
 
@@ -28,23 +31,27 @@ class CollisionGuard:
         self._reaches = self._clearance.reaches()
         self._dt = dt
         self._gain = robot.limits.acceleration * dt
-        self._allowed: dict[int, float] = {}
+        self.reset(robot.rest)
 
     def reset(self, positions: np.ndarray) -> None:
         """Start again from joints at (j,) positions [rad]."""
         self._allowed = self._clearance.under(positions, LEAST)
+        # Distances of all pairs are at least these, at these positions.
+        self._known = np.full(len(self._reaches), -np.inf)
+        self._known_at = positions.copy()
 
     def moved(self, positions: np.ndarray) -> None:
         """The joints are now at (j,) positions [rad]: what has come free stays so."""
-        self._allowed = {
-            pair: max(distance, self._allowed.get(pair, distance))
-            for pair, distance in self._clearance.under(positions, LEAST).items()
-        }
+        if self._allowed:
+            self._allowed = {
+                pair: max(distance, self._allowed.get(pair, distance))
+                for pair, distance in self._clearance.under(positions, LEAST).items()
+            }
 
     def touching(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
         """Which joints bring shapes too close to each other before they all have come to rest.
 
-        The way is followed in steps that no shape can pass another in (conservative advancement: Mirtich
+        The way is followed in steps in which no shape can reach another (conservative advancement: Mirtich
         1996, Impulse-based Dynamic Simulation, 2.3).
 
         Args:
@@ -55,18 +62,25 @@ class CollisionGuard:
             (j,) mask; none if all keep clear.
         """
         path = self._braking(positions, velocities)
-        travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path, axis=0)) @ self._reaches)])
-        at = 0
-        while at < len(path):
-            left = travelled[-1] - travelled[at]
-            close = self._clearance.under(path[at], LEAST + left + ROUNDING)
-            bad = [pair for pair, d in close.items() if d < self._allowed.get(pair, LEAST) - ROUNDING]
-            if bad:
-                return np.any([self._clearance.joints(pair) for pair in bad], axis=0)
-            if not close:
-                break
-            free = min(close.values()) - LEAST
-            at = max(at + 1, int(np.searchsorted(travelled, travelled[at] + free)))
+        steps = np.abs(np.diff(path, axis=0, prepend=path[:1]))
+        ways = np.cumsum(steps, axis=0) @ self._reaches.T
+        self._known -= self._reaches @ np.abs(positions - self._known_at)
+        self._known_at = positions
+        # The tick at which each pair has to be looked at next; the last is never reached.
+        due = np.where(self._known < LEAST + ways[-1], 0, len(path))
+        while (at := int(due.min(initial=len(path)))) < len(path):
+            self._clearance.place(path[at])
+            pairs = np.flatnonzero(due == at)
+            distances = self._clearance.gaps(pairs)
+            for i in np.flatnonzero(distances < LEAST + ways[-1, pairs] - ways[at, pairs]):
+                pair = int(pairs[i])
+                distances[i] = self._clearance.distance(pair, FAR)
+                if distances[i] < self._allowed.get(pair, LEAST) - ROUNDING:
+                    return self._clearance.joints(pair)
+            if at == 0:
+                self._known[pairs] = distances
+            reached = ways[:, pairs] < ways[at, pairs] + distances - LEAST
+            due[pairs] = np.maximum(reached.sum(axis=0), at + 1)
         return np.zeros(len(positions), bool)
 
     def _braking(self, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:

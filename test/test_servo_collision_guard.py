@@ -55,15 +55,18 @@ def adversarial(envelope):
     return np.concatenate([run(envelope, target, random.uniform(0.1, 1.0)) for target in poses])
 
 
-def test_random_demands_never_let_the_robot_touch_itself():
-    path = adversarial(guarded())
+@pytest.fixture(scope="module")
+def path():
+    return adversarial(guarded())
+
+
+def test_random_demands_never_let_the_robot_touch_itself(path):
     assert distances(path).min() > LEAST - SLACK
     assert np.ptp(path, axis=0).min() > 0.5, "although all joints move far"
     assert distances(adversarial(Envelope(ROBOT.limits, DT, ROBOT.rest))).min() < 0, "as they would"
 
 
-def test_braking_for_it_stays_inside_the_limits():
-    path = adversarial(guarded())
+def test_braking_for_it_stays_inside_the_limits(path):
     velocity = np.diff(path, axis=0) / DT
     assert (np.abs(velocity) <= ROBOT.limits.velocity + 1e-9).all()
     assert (np.abs(np.diff(velocity, axis=0)) <= ROBOT.limits.acceleration * DT + 1e-9).all()
