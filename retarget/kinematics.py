@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.urdf_model import mimics, urdf_model
@@ -84,9 +85,9 @@ class Kinematics:
         """Index of a link in MuJoCo's arrays of bodies."""
         return self.model.body(name).id
 
-    def position(self, link: str) -> np.ndarray:
-        """(3,) origin of a link [m]."""
-        return self.data.xpos[self.link(link)].copy()
+    def position(self, link: str, at: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """(3,) where a point of a link is that lies (3,) in its frame, by default its origin [m]."""
+        return self.data.xpos[self.link(link)] + self.rotation(link) @ at
 
     def rotation(self, link: str) -> np.ndarray:
         """(3, 3) rotation from a link's frame to the base frame."""
@@ -152,3 +153,21 @@ class Kinematics:
             )
             for geom in np.flatnonzero(shown)
         ]
+
+
+def arm_joints(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """The joints of the `left` and the `right` arm, from the shoulder on.
+
+    Raises:
+        RobotError: MuJoCo cannot make a model of the URDF.
+    """
+    kinematics = Kinematics(robot)
+    inside = kinematics.joints_above(kinematics.link(robot.mapping.torso))
+    places = [kinematics.model.joint(name).dofadr[0] for name in robot.joints]
+    arms = {}
+    for side, arm in (("left", robot.mapping.left_arm), ("right", robot.mapping.right_arm)):
+        moving = kinematics.joints_above(kinematics.link(arm.hand)) & ~inside
+        # MuJoCo numbers joints from the base out; a servo table may have any order.
+        outward = sorted(np.flatnonzero(moving), key=lambda column: places[column])
+        arms[side] = tuple(robot.joints[column] for column in outward)
+    return arms

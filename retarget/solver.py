@@ -17,11 +17,11 @@ matters: a straight elbow leaves the upper arm's yaw free."""
 TO_REST = 0.002
 """Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
 
-KEPT = 0.03
-"""Forearms and hands are to keep this far from the rest of the robot [m]."""
+KEPT = 0.07
+"""Forearms and hands are to keep this far from the rest of the robot, as a share of the arm's length."""
 
-CROWDED = 0.04
-"""Coming closer by this weighs as much as a direction that is off by a length of one [m]."""
+CROWDED = 0.25
+"""Coming closer by this share of it weighs as much as a direction that is off by a length of one."""
 
 BACKWARD_STEPS = 8
 """Where a pose would still touch the robot itself, the way back to the last one is searched in such steps."""
@@ -74,6 +74,8 @@ class DirectionSolver:
         self._check_bones()
         self._below_torso = ~self._kinematics.joints_above(self._torso[0])
         self._clearance = Clearance(robot)
+        arm = float(self._lengths().sum()) / 2
+        self._kept, self._crowded = KEPT * arm, CROWDED * arm
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """The angles for one frame.
@@ -96,11 +98,11 @@ class DirectionSolver:
                 + TO_PREVIOUS * (angles - previous)
                 + TO_REST * (angles - self._rest)
             )
-            distances, parting = self._clearance.rows(angles, KEPT)
+            distances, parting = self._clearance.rows(angles, self._kept)
             if len(distances):
-                parting *= self._below_torso / CROWDED
+                parting *= self._below_torso / self._crowded
                 hessian += parting.T @ parting
-                gradient -= (KEPT - distances) / CROWDED @ parting
+                gradient -= (self._kept - distances) / self._crowded @ parting
             lowest = np.minimum(np.maximum(lower - angles, -LARGEST_STEP), LARGEST_STEP)
             highest = np.minimum(np.maximum(upper - angles, -LARGEST_STEP), LARGEST_STEP)
             angles = angles + _bounded_step(hessian, gradient, lowest, highest)
@@ -151,6 +153,10 @@ class DirectionSolver:
         data = self._kinematics.data
         turned = data.xmat[self._children].reshape(-1, 3, 3) @ self._ends[:, :, None]
         return data.xpos[self._children] + turned[:, :, 0]
+
+    def _lengths(self) -> np.ndarray:
+        """(4,) of the bones [m]."""
+        return np.linalg.norm(self._end_points() - self._kinematics.data.xpos[self._parents], axis=1)
 
     def _check_bones(self) -> None:
         model, starts = self._kinematics.model, self._kinematics.data.xpos[self._parents]
