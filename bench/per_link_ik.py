@@ -15,6 +15,9 @@ from gesture_bot.retarget.robot import Robot
 STILL = 0.1
 """A joint that moves the elbow by less than this share of the upper arm's length turns the forearm."""
 
+TOLERANCE = 1e-4
+"""Where ikpy's optimizer ends; with its default a pose takes over 0.4 s."""
+
 
 @dataclass(frozen=True)
 class _Stage:
@@ -62,7 +65,7 @@ class PerLinkIK:
             own = stage.columns >= 0
             before = np.where(own, angles[stage.columns], 0.0)
             found = stage.chain.inverse_kinematics(
-                into_torso @ start + stage.length * direction, initial_position=before
+                into_torso @ start + stage.length * direction, initial_position=before, tol=TOLERANCE
             )
             angles[stage.columns[own]] = found[own]
         return angles

@@ -54,7 +54,10 @@ def command(options: argparse.Namespace) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(director)
     try:
-        with running_graph(log, *options.arguments) as graph, Live(console=console, auto_refresh=False) as live:
+        with (
+            running_graph(log, *options.arguments) as graph,
+            Live(console=console, auto_refresh=False) as live,
+        ):
             drawn = 0.0
             for _ in director.play():
                 executor.spin_once(timeout_sec=0.02)
