@@ -7,7 +7,7 @@ block. toa, and each robot of test/installed_robots.py whose package is installe
 Whoever solves the frames, the same Retargeter plans the motion from them. Directions are those of upper arms
 and forearms, 50 times a second, the person's by cubic splines through the keypoints. The baseline of all
 frames solves the same objective without limits or self-collision, and clips the angles. Per-link inverse
-kinematics by ikpy takes 20 times as long, and is compared with on the first seconds (`ikpy_`, `beside_ikpy_`).
+kinematics by ikpy takes 20 times as long, and solves the first seconds (`ikpy_`, `beside_ikpy_`).
 
 Then robots are asked for random unit directions, each unrelated to the last. Counted are solved frames and
 planned ticks of both parts that touch or leave limits, and touches in what leaves the safety envelope.
@@ -96,9 +96,11 @@ class Nothing:
     """Clearance of a robot that is never near itself."""
 
     def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """No distances, nor derivatives."""
         return np.empty(0), np.empty((0, len(angles)))
 
     def under(self, angles: np.ndarray, limit: float) -> dict[int, float]:
+        """No distances."""
         return {}
 
 
@@ -111,6 +113,7 @@ class Watched:
         self.busy = 0.0
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """What the watched one finds."""
         begin = time.thread_time()
         angles = self._solve(targets, previous)
         self.busy += time.thread_time() - begin

@@ -1,11 +1,11 @@
 """Robots that nobody here drew get a mapping from their URDF, and it is checked."""
 
-import sysconfig
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from installed_robots import EXTRAS, URDFS
 
 from gesture_bot.base.errors import RobotError
 from gesture_bot.base.files import config_dir
@@ -19,47 +19,45 @@ from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
 from gesture_bot.retarget.solver import DirectionSolver
 from gesture_bot.servo.table_check import table_problems
 
-PACKAGES = Path(sysconfig.get_path("purelib"))
-EXTRAS = PACKAGES / "cmeel.prefix/share/example-robot-data/robots"
 TOA = config_dir() / "robots" / "toa.urdf"
 
-# URDF, torso, shoulder, elbow, wrist and hand of the left arm, joints of an arm, the neck and the waist: as
+# Torso, shoulder, elbow, wrist and hand of the left arm, joints of an arm, the neck and the waist: as
 # one reads them off the robots' drawings.
 ANATOMY = {
     "jvrc": (
-        PACKAGES / "jvrc_description/urdf/jvrc1.urdf", "WAIST_R_S",
+        "WAIST_R_S",
         ("L_SHOULDER_R_S", "L_ELBOW_P_S", "L_WRIST_R_S", "L_WRIST_Y_S"), (7, 3, 3),
     ),
     "nao": (
-        PACKAGES / "qibullet/robot_data/nao.urdf", "torso",
+        "torso",
         ("LBicep", "LForeArm", "l_wrist", "l_wrist"), (5, 2, 0),
     ),
     "pepper": (
-        PACKAGES / "qibullet/robot_data/pepper.urdf", "torso",
+        "torso",
         ("LBicep", "LForeArm", "l_wrist", "l_wrist"), (5, 2, 3),
     ),
     "poppy": (
-        PACKAGES / "poppy_torso/poppy_torso.urdf", "chest",
+        "chest",
         ("l_shoulder_motor", "l_forearm", "l_forearm", "l_forearm"), (4, 2, 3),
     ),
     "g1": (
-        EXTRAS / "g1_description/urdf/g1_29dof_rev_1_0.urdf", "torso_link",
+        "torso_link",
         ("left_shoulder_roll_link", "left_elbow_link", "left_wrist_pitch_link", "left_wrist_yaw_link"),
         (7, 0, 3),
     ),
     "tiago_pro": (
-        EXTRAS / "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link",
+        "torso_lift_link",
         ("arm_left_2_link", "arm_left_4_link", "arm_left_6_link", "arm_left_7_link"), (7, 2, 0),
     ),
     "baxter": (
-        EXTRAS / "baxter_description/urdf/baxter.urdf", "torso",
+        "torso",
         ("left_lower_shoulder", "left_lower_elbow", "left_lower_forearm", "left_wrist"), (7, 1, 0),
     ),
 }  # fmt: skip
 
 
 def urdf_of(name: str) -> Path:
-    path = ANATOMY[name][0]
+    path = URDFS[name]
     if not path.exists() and EXTRAS in path.parents:
         pytest.skip("example-robot-data is not installed: 130 MB, not asked for by default")
     return path
@@ -85,7 +83,7 @@ def toa_with(tmp_path: Path, change) -> Robot:
 
 @pytest.mark.parametrize("name", ANATOMY)
 def test_the_body_is_found(name):
-    urdf, torso, links, counts = urdf_of(name), *ANATOMY[name][1:]
+    urdf, torso, links, counts = urdf_of(name), *ANATOMY[name]
     body = find_body(name, read_urdf(urdf))
     left = body.left
     assert body.torso == torso
