@@ -20,7 +20,7 @@ TO_REST = 0.002
 KEPT = 0.07
 """Forearms and hands are to keep this far from the rest of the robot, as a share of the arm's length."""
 
-CROWDED = 0.25
+CROWDED = 0.4
 """Coming closer by this share of it weighs as much as a direction that is off by a length of one."""
 
 BACKWARD_STEPS = 8
