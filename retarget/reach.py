@@ -23,7 +23,7 @@ POSES: dict[str, Pose] = {
 }
 """What speakers do."""
 
-WAVE: tuple[Pose, Pose] = ((0.2, 0.8, -0.5), (0.3, 0.6, 0.9)), ((0.2, 0.8, -0.5), (0.3, -0.2, 0.9))
+WAVE: tuple[Pose, Pose] = ((0.2, 0.8, -0.5), (0.3, 0.9, 0.8)), ((0.2, 0.8, -0.5), (0.3, 0.0, 0.9))
 """A hand that waves goes from one of these to the other."""
 
 _LONGEST = 30
