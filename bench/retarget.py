@@ -176,7 +176,7 @@ def compared(robot: Robot, make: Callable[[], Solve], clips: Sequence[np.ndarray
         plan = planned(robot, solver, clip)
         broken += violations(robot, plan)
         busy, frames = busy + solver.busy, frames + len(solver.poses)
-        touches += sum(clearance.nearest(pose).distance < 0 for pose in solver.poses)
+        touches += sum(bool(clearance.under(pose, 0.0)) for pose in solver.poses)
         ticks = np.arange(ARRIVED, (len(clip) - 1) * TICK_RATE // FRAME_RATE)
         moments = ticks * FRAME_RATE / TICK_RATE
         asked = directions(CubicSpline(np.arange(len(clip)), clip)(moments))[:, BONES]

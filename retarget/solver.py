@@ -17,10 +17,10 @@ matters: a straight elbow leaves the upper arm's yaw free."""
 TO_REST = 0.002
 """Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
 
-KEPT = 0.07
+KEPT = 0.08
 """Forearms and hands are to keep this far from the rest of the robot, as a share of the arm's length."""
 
-CROWDED = 0.4
+CROWDED = 0.3
 """Coming closer by this share of it weighs as much as a direction that is off by a length of one."""
 
 BACKWARD_STEPS = 8
