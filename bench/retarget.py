@@ -317,6 +317,7 @@ def main() -> None:
         for job in tqdm(as_completed(jobs), "measuring", len(jobs)):
             name, block = jobs[job]
             results[name][block] = {key: round(value, 3) for key, value in job.result().items()}
+            tqdm.write(f"{name}, {block}: {results[name][block]}")
     for block in (*blocks, "random poses"):
         show(block, {name: results[name][block] for name in robots})
     summary = {}
