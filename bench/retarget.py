@@ -7,7 +7,8 @@ block. toa, and each robot of test/installed_robots.py whose package is installe
 Whoever solves the frames, the same Retargeter plans the motion from them. Directions are those of upper arms
 and forearms, 50 times a second, the person's by cubic splines through the keypoints. The baseline of all
 frames solves the same objective without limits or self-collision, and clips the angles. Per-link inverse
-kinematics by ikpy takes 20 times as long, and solves the first seconds (`ikpy_`, `beside_ikpy_`).
+kinematics by ikpy takes 20 times as long, and solves three passages (`ikpy_`, `beside_ikpy_`). Neither rival
+knows that the robot has a body; `without_body_` is our solver when it does not know, either.
 
 Then robots are asked for random unit directions, each unrelated to the last. Counted are solved frames and
 planned ticks of both parts that touch or leave limits, and touches in what leaves the safety envelope.
@@ -82,8 +83,7 @@ class ClippedAngles:
         self._limits = robot.limits
         endless = np.full(len(robot.joints), np.inf)
         limits = replace(robot.limits, lower=-endless, upper=endless)
-        self._solver = DirectionSolver(replace(robot, limits=limits))
-        self._solver._clearance = Nothing()
+        self._solver = without_body(replace(robot, limits=limits))
         self._angles = robot.rest
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
@@ -102,6 +102,12 @@ class Nothing:
     def under(self, angles: np.ndarray, limit: float) -> dict[int, float]:
         """No distances."""
         return {}
+
+
+def without_body(robot: Robot) -> DirectionSolver:
+    solver = DirectionSolver(robot)
+    solver._clearance = Nothing()
+    return solver
 
 
 class Watched:
@@ -161,6 +167,12 @@ def up_to(clips: Sequence[np.ndarray], frames: int) -> list[np.ndarray]:
     return [np.asarray(clip, float) for clip in cut if len(clip) > 2 * FRAME_RATE]
 
 
+def spread(clips: Sequence[np.ndarray], frames: int, passages: int = 3) -> list[np.ndarray]:
+    """The beginnings of a few clips from all over, so many frames together."""
+    chosen = clips[:: max(1, len(clips) // passages)][:passages]
+    return [clip for clip in (clip[: frames // passages] for clip in chosen) if len(clip) > 2 * FRAME_RATE]
+
+
 def planned(robot: Robot, solver: Watched, clip: np.ndarray) -> JointTrajectory:
     retargeter = Retargeter(robot)
     retargeter._solver = solver
@@ -214,6 +226,7 @@ def measure(path: str, clips: Sequence[np.ndarray], ikpy_frames: int) -> dict[st
     """One robot and one block of motion."""
     robot = load_robot(path)
     ours = compared(robot, lambda: DirectionSolver(robot).solve, clips)
+    bodiless = compared(robot, lambda: without_body(robot).solve, clips)
     clipped = compared(robot, lambda: ClippedAngles(robot).solve, clips)
     figures = {
         "direction_error_deg_median": ours["median"],
@@ -221,6 +234,9 @@ def measure(path: str, clips: Sequence[np.ndarray], ikpy_frames: int) -> dict[st
         "baseline_p95": clipped["p95"],
         "jerk_ratio": ours["jerk_ratio"],
         "baseline_jerk_ratio": clipped["jerk_ratio"],
+        "without_body_p95": bodiless["p95"],
+        "without_body_jerk_ratio": bodiless["jerk_ratio"],
+        "without_body_penetrations": bodiless["penetrations"],
         "baseline_penetrations": clipped["penetrations"],
         "input_hz": ours["input_hz"],
         "output_hz": ours["output_hz"],
@@ -229,11 +245,11 @@ def measure(path: str, clips: Sequence[np.ndarray], ikpy_frames: int) -> dict[st
         "penetrations": ours["penetrations"],
         "minutes": sum(map(len, clips)) / FRAME_RATE / 60,
     }
-    if beginning := up_to(clips, ikpy_frames):
+    if passages := spread(clips, ikpy_frames):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # where it starts on a limit
-            ikpy = compared(robot, lambda: PerLinkIK(robot).solve, beginning)
-        same = compared(robot, lambda: DirectionSolver(robot).solve, beginning)
+            ikpy = compared(robot, lambda: PerLinkIK(robot).solve, passages)
+        same = compared(robot, lambda: DirectionSolver(robot).solve, passages)
         for name in ("p95", "jerk_ratio"):
             figures |= {f"ikpy_{name}": ikpy[name], f"beside_ikpy_{name}": same[name]}
         figures["ikpy_penetrations"] = ikpy["penetrations"]
