@@ -22,8 +22,10 @@ from gesture_bot.cli.words import constraint_in_words
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.nodes.demo_director import DemoDirector
 from gesture_bot.nodes.discovery import keep_local
+from gesture_bot.nodes.graph import ARGUMENTS
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.recorder import Record
+from gesture_bot.nodes.start import parse_arguments
 from gesture_bot.retarget.robot import load_robot
 
 REFRESH = 0.1
@@ -33,12 +35,16 @@ REFRESH = 0.1
 def command(options: argparse.Namespace) -> int:
     """`gesture-bot demo`: run the demo and write its files into a folder; the exit status.
 
+    Args:
+        options: arguments, none or robot:=NAME; output, the folder.
+
     Raises:
-        GestureBotError: The graph did not start, or ended early.
+        GestureBotError: The robot cannot be loaded, or the graph did not start, or ended early.
     """
     console, output = Console(), options.output
+    values = parse_arguments(options.arguments, [a for a in ARGUMENTS if a.name == "robot"])
+    robot = load_robot(str(values.get("robot", "toa")))
     demo_database()  # on first use this takes a while, and shows its progress
-    robot = load_robot("toa")
     keep_local()
     console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
     output.mkdir(parents=True, exist_ok=True)
@@ -48,7 +54,10 @@ def command(options: argparse.Namespace) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(director)
     try:
-        with running_graph(log) as graph, Live(console=console, auto_refresh=False) as live:
+        with (
+            running_graph(log, *options.arguments) as graph,
+            Live(console=console, auto_refresh=False) as live,
+        ):
             drawn = 0.0
             for _ in director.play():
                 executor.spin_once(timeout_sec=0.02)

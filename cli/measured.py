@@ -39,12 +39,12 @@ def measured_stroke(
 def robot_wrists(robot: Robot, positions: np.ndarray) -> dict[str, np.ndarray]:
     """(n, 3) positions of each wrist over the robot's base [m]."""
     kinematics = Kinematics(robot)
-    links = {"left": robot.mapping.left_arm.wrist, "right": robot.mapping.right_arm.wrist}
-    paths: dict[str, list[np.ndarray]] = {side: [] for side in links}
+    arms = {"left": robot.mapping.left_arm, "right": robot.mapping.right_arm}
+    paths: dict[str, list[np.ndarray]] = {side: [] for side in arms}
     for angles in positions:
         kinematics.place(angles)
-        for side, link in links.items():
-            paths[side].append(kinematics.position(link))
+        for side, arm in arms.items():
+            paths[side].append(kinematics.position(arm.wrist, arm.wrist_at))
     return {side: np.array(path) for side, path in paths.items()}
 
 

@@ -16,7 +16,10 @@ from gesture_bot.msg import Constraint, Control, Emotion
 from gesture_bot.nodes.messages import trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.nodes.recorder import Recorder
+from gesture_bot.retarget.kinematics import arm_joints
+from gesture_bot.retarget.reach import WAVE, taken_up
 from gesture_bot.retarget.robot import Robot
+from gesture_bot.retarget.solver import DirectionSolver
 
 SCRIPT = (
     ("neutral", False, "Hello, I am glad to see you here. I am a robot, and I talk with my hands."),
@@ -86,11 +89,12 @@ class DemoDirector(Recorder):
     def _take_left_arm(self, after: float, length: float) -> Iterator[None]:
         """Wave with the left arm: an operator's joint trajectory, sent ten times a second."""
         yield from self._wait(after)
-        joints = tuple(joint for joint in self._robot.joints if joint.startswith("left_"))
-        limits = self._robot.limits
+        joints = arm_joints(self._robot)["left"]
         columns = [self._robot.joints.index(joint) for joint in joints]
-        lower, upper = limits.lower[columns], limits.upper[columns]
-        centre, swing = lower + 0.6 * (upper - lower), 0.1 * (upper - lower)
+        solver = DirectionSolver(self._robot)
+        out = taken_up(self._robot, solver, WAVE[0], self._robot.rest)
+        back = taken_up(self._robot, solver, WAVE[1], out)
+        centre, swing = ((out + back) / 2)[columns], ((back - out) / 2)[columns]
         begin = self.now()
         while (now := self.now()) < begin + length:
             times = now + np.arange(0.0, 0.4, 0.05)

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, GraphNode
+from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
 
 URGENT = ("motion_mux", "servo_driver")
 """Nodes of the graph with a thread of their own, so that a stop waits for no search and no retargeting."""
@@ -47,13 +47,15 @@ def run_graph(arguments: Sequence[str]) -> int:
     return _spin(NODES, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
 
 
-def parse_arguments(arguments: Sequence[str]) -> dict[str, str | int]:
+def parse_arguments(
+    arguments: Sequence[str], valid: Sequence[Argument] = (*ARGUMENTS, NAMESPACE)
+) -> dict[str, str | int]:
     """The values of NAME:=VALUE strings, each of its argument's type.
 
     Raises:
         InvalidValueError: Not NAME:=VALUE, an unknown name, or a value of another type.
     """
-    known = {argument.name: argument for argument in (*ARGUMENTS, NAMESPACE)}
+    known = {argument.name: argument for argument in valid}
     values: dict[str, str | int] = {}
     for text in arguments:
         name, separator, value = text.partition(":=")

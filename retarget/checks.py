@@ -106,7 +106,7 @@ def _arm(kinematics: Kinematics, mapping: Mapping, side: str, moving: set[str]) 
 
 def _lengths(kinematics: Kinematics, arm: Arm) -> np.ndarray:
     """(2,) of upper arm and forearm [m]."""
-    wrist = kinematics.position(arm.wrist) + kinematics.rotation(arm.wrist) @ arm.wrist_at
+    wrist = kinematics.position(arm.wrist, arm.wrist_at)
     points = np.array([kinematics.position(arm.shoulder), kinematics.position(arm.elbow), wrist])
     return np.linalg.norm(np.diff(points, axis=0), axis=1)
 

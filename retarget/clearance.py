@@ -74,16 +74,22 @@ class Clearance:
     def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
         """(n,) distances under a limit at (j,) angles, and their (n, j) derivatives [rad, m]."""
         self._kinematics.place(angles)
-        distances, derivatives = [], []
+        found: list[float] = []
+        pairs, ends = [], []
         for pair in self._around(limit):
             distance = self.distance(pair, limit)
             if distance < limit and distance:
-                away = (self._ends[3:] - self._ends[:3]) / distance
-                links = self._kinematics.model.geom_bodyid[self._pairs[pair]]
-                moving = self._kinematics.jacobians(links, self._ends.reshape(2, 3))[:, 0]
-                distances.append(distance)
-                derivatives.append(away @ (moving[1] - moving[0]))
-        return np.array(distances), np.array(derivatives).reshape(-1, len(angles))
+                found.append(distance)
+                pairs.append(pair)
+                ends.append(self._ends.copy())
+        if not found:
+            return np.empty(0), np.empty((0, len(angles)))
+        distances, points = np.array(found), np.array(ends).reshape(-1, 2, 3)
+        links = self._kinematics.model.geom_bodyid[self._pairs[pairs]]
+        moving = self._kinematics.jacobians(links.ravel(), points.reshape(-1, 3))[:, 0]
+        moving = moving.reshape(-1, 2, *moving.shape[1:])
+        away = (points[:, 1] - points[:, 0]) / distances[:, None]
+        return distances, (away[:, None] @ (moving[:, 1] - moving[:, 0]))[:, 0]
 
     def joints(self, pair: int) -> np.ndarray:
         """(j,) which joints move the shapes of a pair against each other."""
@@ -106,8 +112,8 @@ class Clearance:
 
     def gaps(self, pairs: np.ndarray) -> np.ndarray:
         """(n,) distances of the spheres around the shapes of n pairs, where the joints are now [m]."""
-        centres = self._kinematics.data.geom_xpos[self._pairs[pairs]]
-        apart = centres[:, 0] - centres[:, 1]
+        centres, (one, other) = self._kinematics.data.geom_xpos, self._pairs[pairs].T
+        apart = centres.take(one, axis=0) - centres.take(other, axis=0)
         return np.sqrt(np.einsum("ij,ij->i", apart, apart)) - self._radii[pairs]
 
     def place(self, angles: np.ndarray) -> None:

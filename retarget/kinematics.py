@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.urdf_model import mimics, urdf_model
@@ -14,6 +15,9 @@ _KINDS = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
     mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
 }
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""Indices of a cross product, which numpy.cross is slow at."""
 
 
 @dataclass(frozen=True)
@@ -56,33 +60,34 @@ class Kinematics:
         self.model = urdf_model(robot.name, robot.urdf)
         self.data = mujoco.MjData(self.model)
         columns = {name: column for column, name in enumerate(robot.joints)}
-        self.coupling = np.zeros((self.model.nv, len(columns)))
-        offsets = np.zeros(self.model.nv)
-        for name, column in columns.items():
-            self.coupling[self.model.joint(name).dofadr[0], column] = 1.0
+        # The robot's own joints come first, in their order; each of them moves as it is told.
+        moved = {name: np.eye(len(columns))[column] for name, column in columns.items()}
+        offsets = dict.fromkeys(moved, 0.0)
         for name, mimic in mimics(robot.urdf).items():
             if mimic.joint in columns and name not in columns:
-                row = self.model.joint(name).dofadr[0]
-                self.coupling[row, columns[mimic.joint]] = mimic.multiplier
-                offsets[row] = mimic.offset
-        moved = np.flatnonzero(self.coupling.any(axis=1))
-        self._moved = self.model.jnt_qposadr[self.model.dof_jntid[moved]]
-        self._coupling, self._offsets = self.coupling[moved], offsets[moved]
+                moved[name] = mimic.multiplier * moved[mimic.joint]
+                offsets[name] = mimic.offset
+        self._joints = np.array([self.model.joint(name).id for name in moved])
+        self._addresses = self.model.jnt_qposadr[self._joints]
+        self._coupling, self._offsets = np.array(list(moved.values())), np.array(list(offsets.values()))
+        self.coupling = np.zeros((self.model.nv, len(columns)))
+        self.coupling[self.model.jnt_dofadr[self._joints]] = self._coupling
+        self._turn = (self.model.jnt_type[self._joints] == mujoco.mjtJoint.mjJNT_HINGE).astype(float)[:, None]
+        self._moves = np.array([self._moved_by(link) for link in range(self.model.nbody)], float)
         self.place(robot.rest)
 
     def place(self, angles: np.ndarray) -> None:
         """Put the joints at (j,) angles [rad]."""
-        self.data.qpos[self._moved] = self._coupling @ angles + self._offsets
+        self.data.qpos[self._addresses] = self._coupling @ angles + self._offsets
         mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)  # which Jacobians ask for
 
     def link(self, name: str) -> int:
         """Index of a link in MuJoCo's arrays of bodies."""
         return self.model.body(name).id
 
-    def position(self, link: str) -> np.ndarray:
-        """(3,) origin of a link [m]."""
-        return self.data.xpos[self.link(link)].copy()
+    def position(self, link: str, at: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """(3,) where a point of a link is that lies (3,) in its frame, by default its origin [m]."""
+        return self.data.xpos[self.link(link)] + self.rotation(link) @ at
 
     def rotation(self, link: str) -> np.ndarray:
         """(3, 3) rotation from a link's frame to the base frame."""
@@ -98,16 +103,28 @@ class Kinematics:
         Returns:
             (n, 2, 3, j).
         """
-        out = np.empty((len(links), 2, 3, self.model.nv))
-        for (moving, turning), point, link in zip(out, points, links, strict=True):
-            mujoco.mj_jac(self.model, self.data, moving, turning, point, link)
-        return out @ self.coupling
+        # As mj_jac does, for all links at once and the robot's joints alone.
+        axes = self.data.xaxis[self._joints]
+        turning, sliding = (self._turn * axes).T, ((1 - self._turn) * axes).T
+        arms = points[:, :, None] - self.data.xanchor[self._joints].T
+        out = np.empty((len(links), 2, *arms.shape[1:]))
+        out[:, 0] = turning[_NEXT] * arms[:, _LAST] - turning[_LAST] * arms[:, _NEXT] + sliding
+        out[:, 1] = turning
+        out *= self._moves[links, None, None]
+        own = self._coupling.shape[1]
+        if own == len(self._joints):
+            return out
+        return out[..., :own] + out[..., own:] @ self._coupling[own:]
 
     def joints_above(self, link: int) -> np.ndarray:
         """(j,) which of the robot's joints move a link."""
-        found = np.zeros(self.coupling.shape[1], bool)
+        return (self._moves[link] @ np.abs(self._coupling)).astype(bool)
+
+    def _moved_by(self, link: int) -> np.ndarray:
+        """Which of the joints that move a link hangs on."""
+        found = np.zeros(len(self._joints), bool)
         while link:
-            found |= self.coupling[self.model.dof_bodyid == link].any(axis=0)
+            found |= self.model.jnt_bodyid[self._joints] == link
             link = self.model.body_parentid[link]
         return found
 

@@ -17,11 +17,11 @@ matters: a straight elbow leaves the upper arm's yaw free."""
 TO_REST = 0.002
 """Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
 
-KEPT = 0.03
-"""Forearms and hands are to keep this far from the rest of the robot [m]."""
+KEPT = 0.08
+"""Forearms and hands are to keep this far from the rest of the robot, as a share of the arm's length."""
 
-CROWDED = 0.04
-"""Coming closer by this weighs as much as a direction that is off by a length of one [m]."""
+CROWDED = 0.3
+"""Coming closer by this share of it weighs as much as a direction that is off by a length of one."""
 
 BACKWARD_STEPS = 8
 """Where a pose would still touch the robot itself, the way back to the last one is searched in such steps."""
@@ -63,6 +63,7 @@ class DirectionSolver:
         self._children = self._links(left.elbow, left.wrist, right.elbow, right.wrist)
         self._ends = np.array([np.zeros(3), left.wrist_at, np.zeros(3), right.wrist_at])
         self._turned = self._links(left.hand, right.hand, head.link)
+        self._measured = np.concatenate([self._children, self._parents, self._turned])
         self._axes = np.array([left.palm, right.palm, head.forward])
         # An arm without a wrist has nothing to turn its palm with but the arm itself.
         weights = WEIGHTS.copy()
@@ -73,6 +74,8 @@ class DirectionSolver:
         self._check_bones()
         self._below_torso = ~self._kinematics.joints_above(self._torso[0])
         self._clearance = Clearance(robot)
+        arm = float(self._lengths().sum()) / 2
+        self._kept, self._crowded = KEPT * arm, CROWDED * arm
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """The angles for one frame.
@@ -84,24 +87,26 @@ class DirectionSolver:
         Returns:
             (j,) angles inside the limits [rad].
         """
-        angles = previous
+        angles, lower, upper = previous, self._limits.lower, self._limits.upper
         for _ in range(ITERATIONS):
             current, jacobian = self.linearise(angles)
-            distances, parting = self._clearance.rows(angles, KEPT)
-            parting *= self._below_torso / CROWDED
             weighted = jacobian.T * self._weights
-            hessian = weighted @ jacobian + parting.T @ parting
-            hessian += (TO_PREVIOUS + TO_REST) * np.eye(len(angles))
+            hessian = weighted @ jacobian
+            hessian.flat[:: len(angles) + 1] += TO_PREVIOUS + TO_REST
             gradient = (
                 weighted @ (current - targets).ravel()
-                - (KEPT - distances) / CROWDED @ parting
                 + TO_PREVIOUS * (angles - previous)
                 + TO_REST * (angles - self._rest)
             )
-            lowest = np.clip(self._limits.lower - angles, -LARGEST_STEP, LARGEST_STEP)
-            highest = np.clip(self._limits.upper - angles, -LARGEST_STEP, LARGEST_STEP)
+            distances, parting = self._clearance.rows(angles, self._kept)
+            if len(distances):
+                parting *= self._below_torso / self._crowded
+                hessian += parting.T @ parting
+                gradient -= (self._kept - distances) / self._crowded @ parting
+            lowest = np.minimum(np.maximum(lower - angles, -LARGEST_STEP), LARGEST_STEP)
+            highest = np.minimum(np.maximum(upper - angles, -LARGEST_STEP), LARGEST_STEP)
             angles = angles + _bounded_step(hessian, gradient, lowest, highest)
-        return self._clear(previous, np.clip(angles, self._limits.lower, self._limits.upper))
+        return self._clear(previous, np.clip(angles, lower, upper))
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
         """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
@@ -117,14 +122,15 @@ class DirectionSolver:
         self._kinematics.place(angles)
         starts, ends = data.xpos[self._parents], self._end_points()
         lines = ends - starts
-        lengths = np.linalg.norm(lines, axis=1)[:, None]
+        lengths = np.sqrt((lines * lines).sum(axis=1, keepdims=True))
         bones = lines / lengths
-        jacobians = self._kinematics.jacobians
-        moving = (jacobians(self._children, ends) - jacobians(self._parents, starts))[:, 0]
-        moving /= lengths[:, None]
+        jacobians = self._kinematics.jacobians(
+            self._measured, np.concatenate([ends, starts, data.xpos[self._turned]])
+        )
+        moving = (jacobians[:4, 0] - jacobians[4:8, 0]) / lengths[:, None]
         moving -= bones[:, :, None] * (bones[:, None] @ moving)
         axes = data.xmat[self._turned].reshape(-1, 3, 3) @ self._axes[:, :, None]
-        turning = jacobians(self._turned, data.xpos[self._turned])[:, 1]
+        turning = jacobians[8:, 1]
         turning = turning[:, _NEXT] * axes[:, _LAST] - turning[:, _LAST] * axes[:, _NEXT]
 
         torso = data.xmat[self._torso[0]].reshape(3, 3) @ self._torso_axes
@@ -147,6 +153,10 @@ class DirectionSolver:
         data = self._kinematics.data
         turned = data.xmat[self._children].reshape(-1, 3, 3) @ self._ends[:, :, None]
         return data.xpos[self._children] + turned[:, :, 0]
+
+    def _lengths(self) -> np.ndarray:
+        """(4,) of the bones [m]."""
+        return np.linalg.norm(self._end_points() - self._kinematics.data.xpos[self._parents], axis=1)
 
     def _check_bones(self) -> None:
         model, starts = self._kinematics.model, self._kinematics.data.xpos[self._parents]

@@ -64,11 +64,12 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
             link.remove(mesh)
         if meshes and len(meshes) == len(shapes) and link.find("inertial/mass") is not None:
             bare.append(link.get("name", ""))
+    onward = _onward(root)
     try:
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         model = spec.compile()
         for link_name in bare:
-            _add_box(spec.body(link_name), model.body(link_name))
+            _add_shape(spec.body(link_name), model.body(link_name), onward.get(link_name, np.zeros(3)))
         return spec.compile() if bare else model
     except ValueError as error:
         raise RobotError(
@@ -76,16 +77,47 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         ) from error
 
 
-def _add_box(body: mujoco.MjsBody, compiled: Any) -> None:
-    """A box of even density with the mass and inertia of a body, which `compiled` is a view of."""
+def _onward(root: ElementTree.Element) -> dict[str, np.ndarray]:
+    """Where in a link the next joint is, of links with only one that moves: (3,) by the link's name [m]."""
+    found: dict[str, list[np.ndarray]] = {}
+    for joint in root.findall("joint"):
+        parent, origin = joint.find("parent"), joint.find("origin")
+        if joint.get("type") != "fixed" and parent is not None:
+            place = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+            found.setdefault(parent.get("link", ""), []).append(np.array(place.split(), float))
+    return {link: places[0] for link, places in found.items() if len(places) == 1}
+
+
+def _add_shape(body: mujoco.MjsBody, compiled: Any, onward: np.ndarray) -> None:
+    """A box of even density with the mass and inertia of a body, which `compiled` is a view of.
+
+    A box that is longest across the way to the next joint, and too short along it, comes of an inertia with
+    its axes mixed up (Pepper's forearms). A capsule from joint to joint, as thick as the box, stands for it.
+    """
     mass, inertia = compiled.mass[0], compiled.inertia
     if mass <= float(_COMPILER["boundmass"]):
         return
     halves = np.sqrt(np.maximum(1.5 / mass * (inertia.sum() - 2 * inertia), _THINNEST**2))
     density = mass / (8 * halves.prod())
+    halves *= min(1.0, np.cbrt(density / LIGHTEST))
+    length = np.linalg.norm(onward)
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, compiled.iquat)
+    along = np.abs(onward @ axes.reshape(3, 3)) * halves
+    if halves.argmax() != along.argmax() and 2 * along.sum() < length**2 < 2 * halves.max() * length:
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[0, 0, 0, *onward],
+            size=[np.median(halves), 0, 0],
+            rgba=_COLOR,
+            contype=0,
+            conaffinity=0,
+            mass=0,
+        )
+        return
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=halves * min(1.0, np.cbrt(density / LIGHTEST)),
+        size=halves,
         pos=compiled.ipos,
         quat=compiled.iquat,
         rgba=_COLOR,

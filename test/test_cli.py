@@ -93,6 +93,8 @@ def test_render_writes_bvh_and_gif(demo_corpus, speech, tmp_path):
         (["run", "speach:=say"], "'speach'; valid: speech, text"),
         (["run", "seed:=many"], "'many'"),
         (["run", "database:={text}"], "speech.txt"),
+        (["demo", "robot:=atlas"], "'atlas'; valid: toa"),
+        (["demo", "seed:=1"], "'seed'; valid: robot"),
         (["run", "voice:=bob", "text:=Hello"], "'bob'; valid: embedded"),
     ],
 )
