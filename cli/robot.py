@@ -13,7 +13,8 @@ from gesture_bot.evaluate.robot_gif import write_robot_picture
 from gesture_bot.retarget.checks import Finding, check_mapping
 from gesture_bot.retarget.mapping_file import write_mapping
 from gesture_bot.retarget.proposal import propose
-from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.retarget.robot import Robot, load_robot
+from gesture_bot.retarget.urdf_file import read_urdf
 from gesture_bot.servo.table_check import table_problems
 
 _STYLES = {"ok": "green", "look": "yellow", "bad": "bold red"}

@@ -1,5 +1,6 @@
 """Robots that nobody here drew get a mapping from their URDF, and it is checked."""
 
+import re
 import sysconfig
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.mapping_file import write_mapping
 from gesture_bot.retarget.proposal import propose
 from gesture_bot.retarget.reach import BONES, POSES, both_arms, misses
-from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.retarget.solver import DirectionSolver
+from gesture_bot.retarget.urdf_file import read_urdf
 from gesture_bot.servo.table_check import table_problems
 
 PACKAGES = Path(sysconfig.get_path("purelib"))
@@ -182,6 +184,29 @@ def test_a_robot_without_arms_is_told_what_it_has():
             "toa",
             TOA.read_text().replace("right_elbow", "other_elbow").replace('type="revolute"', 'type="fixed"'),
         )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("joint name='head_tilt'", "joint name='head_pan'"), "two joints are called: 'head_pan'"),
+        (("link name='left_hand'", "link name='right_hand'"), "two links are called: 'right_hand'"),
+        (("joint name='head_tilt'", "joint"), "a joint has no name, the one after: 'head_pan'"),
+        (("lower='-0.6'", "lower='-pi/4'"), "lower of head_tilt is not a number: '-pi/4'"),
+        (("<robot ", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro' "), None),
+        (("</robot>", "<xacro:arm xmlns:xacro='http://ros.org/wiki/xacro'/></robot>"), "run xacro first"),
+    ],
+)
+def test_what_is_wrong_with_a_urdf_file_is_said(tmp_path, change, message):
+    before, after = (text.replace("'", '"') for text in change)
+    text = TOA.read_text().replace(before, after, 1)
+    assert text != TOA.read_text()
+    (tmp_path / "mine.urdf").write_text(text)
+    if message is None:
+        assert read_urdf(tmp_path / "mine.urdf") == text
+        return
+    with pytest.raises(RobotError, match=re.escape(message)):
+        read_urdf(tmp_path / "mine.urdf")
 
 
 def changed(tmp_path: Path, change) -> Robot:
