@@ -65,6 +65,8 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         if meshes and len(meshes) == len(shapes) and link.find("inertial/mass") is not None:
             bare.append(link.get("name", ""))
     try:
+        for inertia in root.iterfind("link/inertial/inertia"):
+            _make_possible(inertia)
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         model = spec.compile()
         for link_name in bare:
@@ -72,8 +74,18 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         return spec.compile() if bare else model
     except ValueError as error:
         raise RobotError(
-            f"the URDF of {name} is no kinematic tree ({' '.join(str(error).split())})"
+            f"MuJoCo cannot make a model of the URDF of {name} ({' '.join(str(error).split())})"
         ) from error
+
+
+def _make_possible(inertia: ElementTree.Element) -> None:
+    """Leave out products of inertia that no body can have; an exporter's error in a sign makes such."""
+    (xx, xy, xz), (yy, yz, zz) = (
+        [float(inertia.get(name, 0)) for name in row]
+        for row in (("ixx", "ixy", "ixz"), ("iyy", "iyz", "izz"))
+    )
+    if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] < 0:
+        inertia.attrib |= {"ixy": "0", "ixz": "0", "iyz": "0"}
 
 
 def _add_box(body: mujoco.MjsBody, compiled: Any) -> None:
