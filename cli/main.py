@@ -173,6 +173,14 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("urdf", type=Path, metavar="URDF", help="URDF file; its meshes need not be there")
     add.add_argument("-o", "--output", type=Path, metavar="FILE.yaml", help="mapping (URDF's name)")
     add.set_defaults(module="robot", action="add")
+    rest = tasks.add_parser(
+        "rest",
+        help="propose a robot's rest pose again, after you have corrected its links",
+        description="Let the arms hang down as `add` does, by the links that the file names now, and change "
+        "the arms' rest angles in the file. Nothing else in it is changed.",
+    )
+    rest.add_argument("robot", metavar="FILE.yaml", help="mapping")
+    rest.set_defaults(module="robot", action="rest")
     check = tasks.add_parser(
         "check",
         help="check a robot's mapping",

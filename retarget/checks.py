@@ -8,7 +8,7 @@ import numpy as np
 from gesture_bot.retarget.clearance import Clearance
 from gesture_bot.retarget.description import Arm, Mapping
 from gesture_bot.retarget.kinematics import Kinematics
-from gesture_bot.retarget.reach import angle_between, misses
+from gesture_bot.retarget.reach import BONES, angle_between, misses
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
 
@@ -41,7 +41,13 @@ def check_mapping(robot: Robot) -> list[Finding]:
     if any(finding.state == "bad" for finding in findings):
         return findings
     solver = DirectionSolver(robot)
-    return [*findings, *_axes(robot, kinematics, solver), _rest(robot), *_reach(robot)]
+    return [
+        *findings,
+        *_axes(robot, kinematics, solver),
+        _hands(robot, kinematics, solver),
+        _rest(robot),
+        *_reach(robot),
+    ]
 
 
 def _limits(robot: Robot) -> Finding:
@@ -122,6 +128,25 @@ def _axes(robot: Robot, kinematics: Kinematics, solver: DirectionSolver) -> Iter
     along = abs(90 - angle_between(reached[[1, 4]], reached[[2, 5]]))
     text = f"{along[0]:.0f} and {along[1]:.0f} degrees off square to the forearms at rest"
     yield Finding("palms", _state(float(along.max())), text)
+
+
+def _hands(robot: Robot, kinematics: Kinematics, solver: DirectionSolver) -> Finding:
+    """Whether the arms rest as arms do: both alike, with the hands below the shoulders."""
+    kinematics.place(robot.rest)
+    mapping = robot.mapping
+    up = (kinematics.rotation(mapping.torso) @ mapping.torso_axes())[:, 2]
+    below = [
+        up @ (kinematics.position(arm.shoulder) - kinematics.position(arm.hand))
+        for arm in (mapping.left_arm, mapping.right_arm)
+    ]
+    left, right = np.split(solver.reached(robot.rest)[BONES], 2)
+    differ = angle_between(left, right * [1, -1, 1]).max()
+    height = f"{below[0]:.2f} and {below[1]:.2f} m below the shoulders"
+    high = [side for side, drop in zip(("left", "right"), below, strict=True) if drop <= 0]
+    if high:
+        height = f"above the shoulder: {' and '.join(high)}"
+    text = f"{height}; left and right arm differ by {differ:.0f} degrees"
+    return Finding("hands at rest", "ok" if not high and differ <= ASKEW else "look", text)
 
 
 def _rest(robot: Robot) -> Finding:

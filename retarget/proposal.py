@@ -51,7 +51,7 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     first = RobotDescription(
         urdf=path, mapping=_mapping(body, [(0.0, 0.0, 1.0)] * 2, (1.0, 0.0, 0.0)), joints=joints, bus=bus
     )
-    rest = rest_pose(assemble(name, urdf, first), body).tolist()
+    rest = rest_pose(assemble(name, urdf, first)).tolist()
     joints = {
         joint: row.model_copy(update={"rest": angle})
         for (joint, row), angle in zip(joints.items(), rest, strict=True)

@@ -241,6 +241,10 @@ def palm_along_the_arm(description):
     description["mapping"]["right_arm"]["palm"] = [0, 0, -1]
 
 
+def arm_up(description):
+    description["joints"]["left_shoulder_pitch"]["rest"] = 2.9
+
+
 def no_elbow_servo(description):
     del description["joints"]["right_elbow"]
 
@@ -251,6 +255,7 @@ def no_elbow_servo(description):
         (swap_arms, "left arm", "bad", "other side"),
         (swap_elbow_and_wrist, "left arm", "bad", "left_forearm does not hang on left_hand"),
         (arms_through_the_body, "rest pose", "bad", "collide"),
+        (arm_up, "hands at rest", "look", "above the shoulder: left;"),
         (face_backward, "face", "look", "180 degrees"),
         (palm_along_the_arm, "palms", "look", "90 degrees"),
         (no_elbow_servo, "right arm", "look", "held at zero: right_elbow"),
