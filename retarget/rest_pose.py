@@ -33,8 +33,9 @@ _BENT = 10.0
 def rest_pose(robot: Robot) -> np.ndarray:
     """(j,) angles at which the arms hang, a little bent, off the body [rad].
 
-    Only the arms' joints are moved; where they rest now does not matter. Often several ways lead there, with the elbow turned in or out. Each arm takes the one from which what
-    speakers do is best in reach, and of which both keep clear of the robot.
+    Only the arms' joints are moved; where they rest now does not matter. Often several ways lead there, with
+    the elbow turned in or out. Each arm takes the one from which what speakers do is best in reach, and of
+    which both keep clear of the robot.
     """
     arms = _arms(robot)
     start = np.where(arms[0] | arms[1], np.clip(0, robot.limits.lower, robot.limits.upper), robot.rest)

@@ -90,7 +90,7 @@ def test_check_tells_changes_and_makes_them_once(typed, capsys):
         assert servos("check", "toa", "--port", wire.port) == 1
         assert wire.writes == [], "it only looks"
         told = capsys.readouterr().out
-        assert "Operating Mode" in told and "--apply" in told
+        assert "Operating Mode 4 -> 3" in told and "--apply" in told
 
         typed.write("\n")
         assert servos("check", "toa", "--apply", "--port", wire.port) == 0
@@ -106,6 +106,15 @@ def test_check_tells_changes_and_makes_them_once(typed, capsys):
         driver = Driver(ROBOT, wire.port)
         driver.start()
         driver.close()
+
+
+def test_check_cuts_no_joint_or_model_in_a_narrow_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    with recorded_bus(ROBOT) as wire:
+        assert servos("check", "toa", "--port", wire.port) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    for servo in ROBOT.servos:
+        assert f"{servo.joint} {servo.id} {servo.model} v48" in told
 
 
 def test_check_names_what_no_setting_solves(capsys):
@@ -208,11 +217,16 @@ def test_monitor_shows_hot_and_silent_servos_among_the_others():
 
 def test_monitor_runs_until_ctrl_c():
     with recorded_bus(ROBOT) as wire:
-        process = subprocess.Popen(
-            command("servos", "monitor", "toa", "--port", wire.port), stdout=subprocess.PIPE, text=True
-        )
-        wait_until(lambda: wire.questions > 3, 20, "its questions")
+        wire.servos[31].set("Hardware Error Status", 1 << 2)
+        with closing(Bus(wire.port, BAUDRATE)) as bus:
+            bus.write(32, "Baud Rate", 1)
+        asked = wire.questions
+        arguments = command("servos", "monitor", "toa", "--port", wire.port)
+        narrow = os.environ | {"COLUMNS": "60"}
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=narrow)
+        wait_until(lambda: wire.questions > asked + 12, 20, "its questions")
         process.send_signal(signal.SIGINT)
         shown, _ = process.communicate(timeout=10)
         assert process.returncode == 0
         assert all(joint in shown for joint in ROBOT.joints)
+        assert "overheating, off" in shown and "does not answer" in shown
