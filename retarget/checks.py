@@ -1,5 +1,6 @@
 """Does a mapping fit its robot: what a person would look for before they let it move."""
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
@@ -11,6 +12,7 @@ from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.reach import BONES, angle_between, misses
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
+from gesture_bot.retarget.urdf_file import joint_range
 
 CLOSE = 0.01
 """The rest pose should keep the arms farther than this from the rest of the robot [m]."""
@@ -37,7 +39,7 @@ def check_mapping(robot: Robot) -> list[Finding]:
         RobotError: MuJoCo cannot make a model of the URDF, or two links of an arm lie on one point.
     """
     kinematics = Kinematics(robot)
-    findings = [_limits(robot), *_chains(robot, kinematics)]
+    findings = [_limits(robot), *_gaps(robot, kinematics), *_chains(robot, kinematics)]
     if any(finding.state == "bad" for finding in findings):
         return findings
     solver = DirectionSolver(robot)
@@ -62,6 +64,31 @@ def _limits(robot: Robot) -> Finding:
         f"{len(ranges)} joints turn {ranges.min():.0f} to {ranges.max():.0f} degrees, at most "
         f"{_span(limits.velocity)} rad/s and {_span(limits.acceleration)} rad/s2",
     )
+
+
+def _gaps(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
+    """What the URDF does not say of the joints of arms, head and waist, or says as it cannot be."""
+    joints = {
+        joint.get("name", ""): joint
+        for joint in ElementTree.fromstring(robot.urdf).findall("joint")
+        if joint.get("type") == "revolute" and joint.find("mimic") is None
+    }
+    mapping = robot.mapping
+    ends = (mapping.left_arm.hand, mapping.right_arm.hand, mapping.head.link)
+    used = {joint for link in ends for joint in _joints_above(kinematics, link)}
+    for name in sorted(used.intersection(joints) - set(robot.joints)):
+        lower, upper, _ = joint_range(joints[name])
+        if lower >= upper:
+            text = f"left out: {name}, for its range in the URDF is from {lower:g} to {upper:g}"
+            yield Finding("limits", "look", text)
+        elif np.inf in (-lower, upper):
+            yield Finding("limits", "look", f"left out: {name}, for it has no range in the URDF")
+    unsaid = [
+        name for name in robot.joints if name in joints and joint_range(joints[name]).velocity == np.inf
+    ]
+    if unsaid:
+        text = f"no velocity in the URDF, and the YAML file's is taken: {', '.join(unsaid)}"
+        yield Finding("limits", "look", text)
 
 
 def _chains(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from gesture_bot.base.errors import InvalidValueError, RobotError
 from gesture_bot.base.files import config_dir, read_yaml
 from gesture_bot.retarget.description import Bus, Joint, Mapping, RobotDescription
 from gesture_bot.retarget.follower import JointLimits
-from gesture_bot.retarget.urdf_file import read_urdf
+from gesture_bot.retarget.urdf_file import joint_range, read_urdf
 
 
 @dataclass(frozen=True)
@@ -134,13 +134,9 @@ def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLi
 
 
 def _joint_limits(name: str, joint: Joint, element: ElementTree.Element) -> tuple[float, float, float, float]:
-    limit = element.find("limit")
-    given = {} if limit is None else dict(limit.attrib)
-    if element.get("type") == "continuous":
-        given = {"velocity": given["velocity"]} if "velocity" in given else {}
-    lower = max(float(given.get("lower", -np.inf)), joint.lower)
-    upper = min(float(given.get("upper", np.inf)), joint.upper)
-    velocity = min(float(given.get("velocity", joint.velocity)), joint.velocity)
+    given = joint_range(element)
+    lower, upper = max(given.lower, joint.lower), min(given.upper, joint.upper)
+    velocity = min(given.velocity, joint.velocity)
     if not (-np.inf < lower < upper < np.inf and 0 < velocity < np.inf):
         message = f"{name} needs limits lower < upper and a velocity > 0, of the URDF or the YAML file"
         raise RobotError(message, (lower, upper, velocity))

@@ -1,7 +1,9 @@
 """Reading a URDF file, with clear words for what is wrong with one."""
 
+import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import NamedTuple
 
 from gesture_bot.base.errors import RobotError
 
@@ -26,6 +28,28 @@ def read_urdf(path: Path) -> str:
     for joint in root.findall("joint"):
         _check_limit(path, joint)
     return text
+
+
+class JointRange(NamedTuple):
+    """What a URDF says of a joint [rad, rad/s]; infinite where it says nothing."""
+
+    lower: float
+    upper: float
+    velocity: float
+
+
+def joint_range(joint: ElementTree.Element) -> JointRange:
+    """The range of a joint. A velocity of zero is one that nobody has filled in."""
+    limit = joint.find("limit")
+    given = {} if limit is None else limit.attrib
+    velocity = float(given.get("velocity", 0))
+    if joint.get("type") == "continuous":
+        given = {}
+    return JointRange(
+        float(given.get("lower", -math.inf)),
+        float(given.get("upper", math.inf)),
+        velocity if velocity > 0 else math.inf,
+    )
 
 
 def _check_names(path: Path, kind: str, elements: list[ElementTree.Element]) -> None:

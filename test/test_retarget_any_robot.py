@@ -178,6 +178,29 @@ def test_a_joint_without_end_is_given_one_turn(tmp_path):
     assert not list(table_problems(robot))
 
 
+@pytest.mark.parametrize(
+    ("limit", "text"),
+    [
+        (
+            'lower="1.6" upper="-1.6" velocity="5"',
+            "left out: left_wrist, for its range in the URDF is from 1.6 to -1.6",
+        ),
+        ('velocity="5"', "left out: left_wrist, for it has no range"),
+        ('lower="-1.6" upper="1.6" velocity="0"', "no velocity in the URDF, and the YAML file's"),
+    ],
+)
+def test_what_the_urdf_does_not_say_of_a_joint_is_told(tmp_path, limit, text):
+    def wrist(urdf):
+        head, tail = urdf.split('<joint name="left_wrist"')
+        return f'{head}<joint name="left_wrist"' + re.sub("<limit .*?/>", f"<limit {limit}/>", tail, count=1)
+
+    robot = toa_with(tmp_path, wrist)
+    assert ("left_wrist" in robot.joints) == text.startswith("no velocity")
+    found = [finding.text for finding in check_mapping(robot) if finding[:2] == ("limits", "look")]
+    assert len(found) == 1 and found[0].startswith(text)
+    assert np.isfinite(robot.limits.velocity).all()
+
+
 def test_a_robot_without_arms_is_told_what_it_has():
     with pytest.raises(RobotError, match="no two chains.*its chains end in.*left_hand"):
         find_body(
