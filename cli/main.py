@@ -242,8 +242,9 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "calibrate",
         parents=[robot],
         help="set the servos' zero: move each joint to its mark by hand",
-        description="Set the servos' zero. Torque goes off, each joint is moved to its mark by hand, and its "
-        "servo's Homing Offset is set. The mark stands in the robot's file; without one it is at zero.",
+        description="Set the servos' zero. Torque goes off at the joints that are calibrated, each is moved "
+        "to its mark by hand, and its servo's Homing Offset is set. The mark stands in the robot's file; "
+        "without one it is at zero.",
     )
     calibrate.add_argument("joints", nargs="*", metavar="JOINT", help="joint to calibrate (all)")
     calibrate.add_argument(

@@ -156,9 +156,17 @@ def test_calibration_is_guided_lasts_and_is_undone(typed, capsys):
         assert servos("calibrate", "toa", "--undo", "--port", wire.port) == 1
         assert "nothing to undo" in capsys.readouterr().err
 
+        typed.write("q\n")
+        assert servos("calibrate", "toa", left.joint, "--port", wire.port) == 0
+        assert "undo" not in capsys.readouterr().out
+
+        wire.servos[31].set("Torque Enable", 1)
         typed.write("\n\n")
         assert servos("calibrate", "toa", left.joint, right.joint, "--port", wire.port) == 0
         told = capsys.readouterr().out
+        assert wire.servos[31].get("Torque Enable") == 1, "the head is not calibrated"
+        wire.servos[31].set("Torque Enable", 0)
+        assert "2 of 2" in told and "--undo" in told
         assert "left_elbow: homing offset 0 -> -171" in told and "right_elbow: homing offset 0 -> 228" in told
         for servo in (left, right):
             wire.servos[servo.id].reboot()
@@ -169,6 +177,22 @@ def test_calibration_is_guided_lasts_and_is_undone(typed, capsys):
         assert [wire.servos[servo.id].get("Homing Offset") for servo in (left, right)] == [0, 0]
         assert servos("calibrate", "toa", "--undo", "--port", wire.port) == 0
         assert [wire.servos[servo.id].get("Homing Offset") for servo in (left, right)] == [-171, 228]
+
+
+def test_calibration_that_is_interrupted_says_what_is_done(typed, monkeypatch, capsys):
+    lines = iter([""])
+
+    def interrupted(*_):
+        for line in lines:
+            return line
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gesture_bot.cli.servos_calibrate.answer", interrupted)
+    with recorded_bus(ROBOT) as wire:
+        wire.servos[31].position, wire.servos[32].position = 2048, 2048
+        assert servos("calibrate", "toa", "head_pan", "head_tilt", "--port", wire.port) == 0
+    told = capsys.readouterr().out
+    assert "1 of 2 joints calibrated" in told and "--undo" in told
 
 
 def test_a_calibrated_joint_goes_where_it_is_sent():
