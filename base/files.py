@@ -64,7 +64,7 @@ def read_yaml(path: Path, model: type[Model], context: dict[str, Any] | None = N
         FileFormatError: The file is missing, is not YAML, or does not fit; then it names the line, the key
             and what is valid there.
     """
-    text = _text(path)
+    text = read_text(path)
     try:
         return model.model_validate(yaml.load(text, _Loader), context=context)
     except yaml.YAMLError as error:
@@ -85,7 +85,7 @@ def yaml_place(path: Path, location: Sequence[str | int]) -> str:
         path: The file.
         location: Keys and indices that lead to it; a part that the file lacks is at the line around it.
     """
-    node, line = yaml.compose(_text(path), _Loader), 1
+    node, line = yaml.compose(read_text(path), _Loader), 1
     for part in location:
         inside: dict[str | int, tuple[yaml.Node, yaml.Node]] = {}
         if isinstance(node, yaml.MappingNode):
@@ -98,7 +98,12 @@ def yaml_place(path: Path, location: Sequence[str | int]) -> str:
     return f"line {line}: {'.'.join(map(str, location)) or 'the file'}"
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """What a text file holds.
+
+    Raises:
+        FileFormatError: It cannot be read.
+    """
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

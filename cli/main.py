@@ -183,6 +183,14 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("urdf", type=Path, metavar="URDF", help="URDF file; its meshes need not be there")
     add.add_argument("-o", "--output", type=Path, metavar="FILE.yaml", help="mapping (URDF's name)")
     add.set_defaults(module="robot", action="add")
+    rest = tasks.add_parser(
+        "rest",
+        help="propose a robot's rest pose again, after you have corrected its links",
+        description="Let the arms hang down as `add` does, by the links that the file names now, and change "
+        "the arms' rest angles in the file. Nothing else in it is changed.",
+    )
+    rest.add_argument("robot", metavar="FILE.yaml", help="mapping")
+    rest.set_defaults(module="robot", action="rest")
     check = tasks.add_parser(
         "check",
         help="check a robot's mapping",
@@ -244,8 +252,9 @@ def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "calibrate",
         parents=[robot],
         help="set the servos' zero: move each joint to its mark by hand",
-        description="Set the servos' zero. Torque goes off, each joint is moved to its mark by hand, and its "
-        "servo's Homing Offset is set. The mark stands in the robot's file; without one it is at zero.",
+        description="Set the servos' zero. Torque goes off at the joints that are calibrated, each is moved "
+        "to its mark by hand, and its servo's Homing Offset is set. The mark stands in the robot's file; "
+        "without one it is at zero.",
     )
     calibrate.add_argument("joints", nargs="*", metavar="JOINT", help="joint to calibrate (all)")
     calibrate.add_argument(

@@ -11,20 +11,23 @@ from rich.text import Text
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.evaluate.robot_gif import write_robot_picture
 from gesture_bot.retarget.checks import Finding, check_mapping
-from gesture_bot.retarget.mapping_file import write_mapping
+from gesture_bot.retarget.mapping_file import rewrite_rest, write_mapping
 from gesture_bot.retarget.proposal import propose
-from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.retarget.rest_pose import rest_pose
+from gesture_bot.retarget.robot import Robot, load_robot
+from gesture_bot.retarget.urdf_file import read_urdf
 from gesture_bot.servo.table_check import table_problems
 
+MAPPINGS = (".yaml", ".yml")
 _STYLES = {"ok": "green", "look": "yellow", "bad": "bold red"}
 
 
 def command(options: argparse.Namespace) -> int:
-    """Add or check a robot; the exit status.
+    """Add or check a robot, or let its arms hang anew; the exit status.
 
     Args:
-        options: action, "add" or "check"; urdf, the URDF file to add; robot, the name or YAML file to check;
-            output, the YAML file to write or the picture to draw, or None.
+        options: action, "add", "rest" or "check"; urdf, the URDF file to add; robot, the YAML file to change
+            or check, or the name; output, the YAML file to write or the picture to draw, or None.
 
     Raises:
         GestureBotError: A file cannot be read or written, or no mapping is found.
@@ -33,6 +36,8 @@ def command(options: argparse.Namespace) -> int:
     if options.action == "add":
         return _add(options.urdf, options.output or Path(f"{options.urdf.stem}.yaml"), console)
     robot = load_robot(options.robot)
+    if options.action == "rest":
+        return _rest(robot, Path(options.robot), console)
     bad = _print_findings(robot, console)
     if options.output:
         _draw(robot, options.output, console)
@@ -40,8 +45,8 @@ def command(options: argparse.Namespace) -> int:
 
 
 def _add(urdf: Path, output: Path, console: Console) -> int:
-    if output.suffix not in (".yaml", ".yml"):
-        raise InvalidValueError("cannot write a mapping into this kind of file", output.name, [".yaml"])
+    if output.suffix not in MAPPINGS:
+        raise InvalidValueError("cannot write a mapping into this kind of file", output.name, MAPPINGS)
     if output.exists():
         raise InvalidValueError("will not write over a mapping; choose another name with -o", str(output))
     description = propose(urdf.stem, read_urdf(urdf), os.path.relpath(urdf, output.parent))
@@ -52,10 +57,26 @@ def _add(urdf: Path, output: Path, console: Console) -> int:
     _draw(robot, output.with_suffix(".png"), console)
     console.print(
         f"\nLook at the picture, correct {output.name}, then: gesture-bot robot check {output}\n"
+        f"After you have corrected links, the arms hang anew with: gesture-bot robot rest {output}\n"
         "The servos in it are made up. They move on the virtual bus; put in your own for a real one.",
         soft_wrap=True,
     )
     return 0
+
+
+def _rest(robot: Robot, path: Path, console: Console) -> int:
+    if path.suffix not in MAPPINGS:
+        raise InvalidValueError("cannot write a rest pose into this kind of file", path.name, MAPPINGS)
+    proposed = rest_pose(robot)
+    changed = {
+        joint: angle
+        for joint, before, angle in zip(robot.joints, robot.rest, proposed.tolist(), strict=True)
+        if angle != before
+    }
+    rewrite_rest(path, changed)
+    bad = _print_findings(load_robot(str(path)), console)
+    console.print(f"changed rest angles in {path}: {', '.join(changed) or 'none'}", soft_wrap=True)
+    return int(bad)
 
 
 def _print_findings(robot: Robot, console: Console) -> bool:

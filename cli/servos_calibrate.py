@@ -1,6 +1,7 @@
 """`gesture-bot servos calibrate`: the joints are moved to their marks by hand, one after the other."""
 
 import argparse
+import contextlib
 import math
 from collections.abc import Sequence
 
@@ -29,7 +30,7 @@ def command(options: argparse.Namespace) -> int:
         servos = _chosen(robot, options.joints)
         saved = saved_homings(robot) if options.undo else {}
         check_servos(bus, robot)
-        release(bus, [servo.id for servo in robot.servos])
+        release(bus, [servo.id for servo in servos])
         now = {servo.joint: read_homing(bus, servo.id) for servo in robot.servos}
         if options.undo:
             save_homings(robot, now)
@@ -38,7 +39,9 @@ def command(options: argparse.Namespace) -> int:
             return 0
         done = _guide(bus, robot, servos, now)
     print(f"{done} of {len(servos)} joints calibrated")
-    print(f"next: gesture-bot servos check {options.robot}, or back: servos calibrate {options.robot} --undo")
+    if done:
+        print(f"next: gesture-bot servos check {options.robot}")
+        print(f"back: gesture-bot servos calibrate {options.robot} --undo")
     return 0
 
 
@@ -57,26 +60,27 @@ def _go_back(bus: Bus, servo: ServoEntry, now: int, before: int) -> None:
 
 def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[str, int]) -> int:
     """How many joints were calibrated; with the first, the `homings` before it are kept, to go back to."""
-    print("Enter: the joint is at its mark; s: leave this joint as it is; q: end here", flush=True)
+    print("Enter: the joint is at its mark; s: leave this joint as it is; q or Ctrl-C: end here", flush=True)
     done, waiting = 0, list(servos)
-    while waiting:
-        servo = waiting[0]
-        match _wait(bus, servo):
-            case "q":
-                break
-            case "s":
-                waiting.pop(0)
-            case "":
-                if not done:
-                    save_homings(robot, homings)
-                try:
-                    before, after = calibrate(bus, robot, servo)
-                except RobotError as error:
-                    print(error, flush=True)
-                    continue
-                print(f"{servo.joint}: homing offset {before} -> {after}", flush=True)
-                done += 1
-                waiting.pop(0)
+    with contextlib.suppress(KeyboardInterrupt):
+        while waiting:
+            servo = waiting[0]
+            match _wait(bus, servo):
+                case "q":
+                    break
+                case "s":
+                    waiting.pop(0)
+                case "":
+                    if not done:
+                        save_homings(robot, homings)
+                    try:
+                        before, after = calibrate(bus, robot, servo)
+                    except RobotError as error:
+                        print(error, flush=True)
+                        continue
+                    print(f"{servo.joint}: homing offset {before} -> {after}", flush=True)
+                    done += 1
+                    waiting.pop(0)
     return done
 
 

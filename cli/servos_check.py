@@ -52,16 +52,13 @@ def _apply(bus: Bus, inspections: list[Inspection]) -> None:
 
 
 def _table(inspections: list[Inspection]) -> Table:
-    table = Table("joint", "id", "model, firmware", box=None, pad_edge=False)
-    table.add_column("setting", no_wrap=True)
-    table.add_column("is")
-    table.add_column("should be")
+    table = Table(box=None, pad_edge=False)
+    for column in ("joint", "id", "model, firmware"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("setting -> as it should be")
     for one in inspections:
         model = f"{one.servo.model} v{one.firmware}" if one.firmware else one.servo.model
-        name = (one.servo.joint, str(one.servo.id), model)
-        for change in one.changes:
-            table.add_row(*name, change.register, str(change.value), str(change.wanted))
-            name = ("", "", "")
-        if not one.changes and not one.problems:
-            table.add_row(*name, "in order")
+        settings = [f"{change.register} {change.value} -> {change.wanted}" for change in one.changes]
+        if settings or not one.problems:
+            table.add_row(one.servo.joint, str(one.servo.id), model, "\n".join(settings) or "in order")
     return table

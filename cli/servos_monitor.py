@@ -5,6 +5,7 @@ import contextlib
 import math
 import time
 
+from rich.console import Console, JustifyMethod
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -12,6 +13,9 @@ from rich.text import Text
 from gesture_bot.cli.servo_bus import open_robot
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.monitor import ServoState, read_states
+
+COLUMNS = ("joint", "id", "state", "position", "heat", "current", "voltage")
+"""What matters most comes first."""
 
 PERIOD = 0.1
 """Time between two looks [s]."""
@@ -26,34 +30,38 @@ def command(options: argparse.Namespace) -> int:
     with open_robot(options) as (robot, bus), contextlib.suppress(KeyboardInterrupt), Live() as live:
         bus.hurry()
         while True:
-            live.update(_table(robot, read_states(bus, robot)))
+            live.update(_table(robot, read_states(bus, robot), live.console))
             time.sleep(PERIOD)
     return 0
 
 
-def _table(robot: Robot, states: list[ServoState | None]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("joint", no_wrap=True)
-    for column in ("id", "position", "current", "heat", "voltage"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("torque")
-    table.add_column("errors")
-    for servo, state in zip(robot.servos, states, strict=True):
-        table.add_row(servo.joint, str(servo.id), *_cells(state))
+def _table(robot: Robot, states: list[ServoState | None], console: Console) -> Table:
+    """The table, without the last columns where the terminal is too narrow for them."""
+    rows = list(zip(robot.servos, states, strict=True))
+    anyhow, wide = 3, console.options.update(max_width=1000)
+    for count in range(len(COLUMNS), anyhow - 1, -1):
+        table = Table(box=None, pad_edge=False)
+        for column in COLUMNS[:count]:
+            justify: JustifyMethod = "left" if column in ("joint", "state") else "right"
+            table.add_column(column, justify=justify, no_wrap=True)
+        for servo, state in rows:
+            table.add_row(*(servo.joint, str(servo.id), *_cells(state))[:count])
+        if table.__rich_measure__(console, wide).maximum <= console.width:
+            break
     return table
 
 
 def _cells(state: ServoState | None) -> tuple[str | Text, ...]:
     if state is None:
-        return "", "", "", "", "", Text("does not answer", "red")
+        return Text("does not answer", "red"), "", "", "", ""
+    torque = "on" if state.torque else "off"
     effort = (
         f"{1000 * (state.current or 0):.0f} mA" if state.load is None else f"{100 * state.load:.0f} % load"
     )
     return (
+        Text(f"{' and '.join(state.errors)}, {torque}", "red") if state.errors else f"torque {torque}",
         f"{math.degrees(state.position):z.1f}°",
-        effort,
         f"{state.temperature} °C",
+        effort,
         f"{state.voltage:.1f} V",
-        "on" if state.torque else "off",
-        Text(" and ".join(state.errors), "red"),
     )

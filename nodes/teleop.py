@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -34,7 +35,9 @@ class Operator(GestureNode):
     def __init__(self, name: str, **options: Any):
         super().__init__(name, **options)
         self._trajectories = self.create_publisher(JointTrajectory, "teleop/joint_trajectory", PLAN)
-        self._stop = self.create_publisher(Bool, "stop", PLAN)  # not latched: it must not outlive a reset
+        # Not latched: it must not outlive a reset. The default callbacks would warn of listeners to latched ones.
+        silent = PublisherEventCallbacks(use_default_callbacks=False)
+        self._stop = self.create_publisher(Bool, "stop", PLAN, event_callbacks=silent)
         self.owners: dict[str, str] = {}
 
     def follow(self, robot: Robot) -> None:

@@ -251,11 +251,11 @@ class _Skeleton:
         )
 
     def _tip(self, chain: Chain) -> np.ndarray:
-        """(3,) the far end of a chain's last link, or of what hangs on it [m]."""
+        """(3,) the far end of a chain's last link, or of what is fixed on it [m]. Fingers make no forearm."""
         start = self._anchor(chain.joints[-1])
         links = [chain.end]
         for link in links:
-            links += self.children[link]
+            links += [child for child in self.children[link] if not self.model.body_jntnum[child]]
         origins = self.data.xpos[links[1:]]
         # The centre of mass lies half way to the end.
         points = [*origins, start + 2 * (self.data.xipos[chain.end] - start)]

@@ -1,5 +1,6 @@
 """Does a mapping fit its robot: what a person would look for before they let it move."""
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
@@ -8,9 +9,10 @@ import numpy as np
 from gesture_bot.retarget.clearance import Clearance
 from gesture_bot.retarget.description import Arm, Mapping
 from gesture_bot.retarget.kinematics import Kinematics
-from gesture_bot.retarget.reach import angle_between, misses
+from gesture_bot.retarget.reach import BONES, angle_between, misses
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
+from gesture_bot.retarget.urdf_file import joint_range
 
 CLOSE = 0.01
 """The rest pose should keep the arms farther than this from the rest of the robot [m]."""
@@ -37,11 +39,17 @@ def check_mapping(robot: Robot) -> list[Finding]:
         RobotError: MuJoCo cannot make a model of the URDF, or two links of an arm lie on one point.
     """
     kinematics = Kinematics(robot)
-    findings = [_limits(robot), *_chains(robot, kinematics)]
+    findings = [_limits(robot), *_gaps(robot, kinematics), *_chains(robot, kinematics)]
     if any(finding.state == "bad" for finding in findings):
         return findings
     solver = DirectionSolver(robot)
-    return [*findings, *_axes(robot, kinematics, solver), _rest(robot), *_reach(robot)]
+    return [
+        *findings,
+        *_axes(robot, kinematics, solver),
+        _hands(robot, kinematics, solver),
+        _rest(robot),
+        *_reach(robot),
+    ]
 
 
 def _limits(robot: Robot) -> Finding:
@@ -56,6 +64,31 @@ def _limits(robot: Robot) -> Finding:
         f"{len(ranges)} joints turn {ranges.min():.0f} to {ranges.max():.0f} degrees, at most "
         f"{_span(limits.velocity)} rad/s and {_span(limits.acceleration)} rad/s2",
     )
+
+
+def _gaps(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
+    """What the URDF does not say of the joints of arms, head and waist, or says as it cannot be."""
+    joints = {
+        joint.get("name", ""): joint
+        for joint in ElementTree.fromstring(robot.urdf).findall("joint")
+        if joint.get("type") == "revolute" and joint.find("mimic") is None
+    }
+    mapping = robot.mapping
+    ends = (mapping.left_arm.hand, mapping.right_arm.hand, mapping.head.link)
+    used = {joint for link in ends for joint in _joints_above(kinematics, link)}
+    for name in sorted(used.intersection(joints) - set(robot.joints)):
+        lower, upper, _ = joint_range(joints[name])
+        if lower >= upper:
+            text = f"left out: {name}, for its range in the URDF is from {lower:g} to {upper:g}"
+            yield Finding("limits", "look", text)
+        elif np.inf in (-lower, upper):
+            yield Finding("limits", "look", f"left out: {name}, for it has no range in the URDF")
+    unsaid = [
+        name for name in robot.joints if name in joints and joint_range(joints[name]).velocity == np.inf
+    ]
+    if unsaid:
+        text = f"no velocity in the URDF, and the YAML file's is taken: {', '.join(unsaid)}"
+        yield Finding("limits", "look", text)
 
 
 def _chains(robot: Robot, kinematics: Kinematics) -> Iterator[Finding]:
@@ -122,6 +155,25 @@ def _axes(robot: Robot, kinematics: Kinematics, solver: DirectionSolver) -> Iter
     along = abs(90 - angle_between(reached[[1, 4]], reached[[2, 5]]))
     text = f"{along[0]:.0f} and {along[1]:.0f} degrees off square to the forearms at rest"
     yield Finding("palms", _state(float(along.max())), text)
+
+
+def _hands(robot: Robot, kinematics: Kinematics, solver: DirectionSolver) -> Finding:
+    """Whether the arms rest as arms do: both alike, with the hands below the shoulders."""
+    kinematics.place(robot.rest)
+    mapping = robot.mapping
+    up = (kinematics.rotation(mapping.torso) @ mapping.torso_axes())[:, 2]
+    below = [
+        up @ (kinematics.position(arm.shoulder) - kinematics.position(arm.hand))
+        for arm in (mapping.left_arm, mapping.right_arm)
+    ]
+    left, right = np.split(solver.reached(robot.rest)[BONES], 2)
+    differ = angle_between(left, right * [1, -1, 1]).max()
+    height = f"{below[0]:.2f} and {below[1]:.2f} m below the shoulders"
+    high = [side for side, drop in zip(("left", "right"), below, strict=True) if drop <= 0]
+    if high:
+        height = f"above the shoulder: {' and '.join(high)}"
+    text = f"{height}; left and right arm differ by {differ:.0f} degrees"
+    return Finding("hands at rest", "ok" if not high and differ <= ASKEW else "look", text)
 
 
 def _rest(robot: Robot) -> Finding:

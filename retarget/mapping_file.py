@@ -1,10 +1,12 @@
 """A robot's description as a YAML file that explains itself, for people to correct."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
 
-from gesture_bot.base.files import write_whole
+from gesture_bot.base.errors import FileFormatError
+from gesture_bot.base.files import read_text, write_whole
 from gesture_bot.retarget.description import Arm, Joint, RobotDescription
 
 _HEAD = """\
@@ -64,6 +66,34 @@ def write_mapping(path: Path, description: RobotDescription) -> None:
     text += _BUS.format(**description.bus.model_dump())
     with write_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def rewrite_rest(path: Path, rest: Mapping[str, float]) -> None:
+    """Change the rest angles in a description's file, and nothing else in it: comments stay.
+
+    Args:
+        path: The YAML file.
+        rest: Angles by joint [rad].
+
+    Raises:
+        FileFormatError: It cannot be read or written, or a joint's line gives no rest angle.
+    """
+    text = read_text(path)
+    places = []
+    rows = _items(_items(yaml.compose(text, yaml.SafeLoader))["joints"])
+    for joint, angle in rest.items():
+        place = _items(rows[joint]).get("rest")
+        if place is None:
+            raise FileFormatError(f"{path} gives no rest angle in the line of", joint)
+        places.append((place.start_mark.index, place.end_mark.index, f"{angle:.5g}"))
+    for begin, end, angle in sorted(places, reverse=True):
+        text = text[:begin] + angle + text[end:]
+    with write_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _items(node: yaml.Node) -> dict[str, yaml.Node]:
+    return {key.value: value for key, value in node.value}
 
 
 def _arm(name: str, arm: Arm) -> str:

@@ -12,6 +12,7 @@ from gesture_bot.retarget.description import Arm, Bus, Head, Joint, Mapping, Rob
 from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.rest_pose import rest_pose
 from gesture_bot.retarget.robot import assemble
+from gesture_bot.retarget.urdf_file import joint_range
 
 SERVO = "XM430-W210"
 """Stands for servos that nobody has named yet."""
@@ -51,7 +52,7 @@ def propose(name: str, urdf: str, path: str) -> RobotDescription:
     first = RobotDescription(
         urdf=path, mapping=_mapping(body, [(0.0, 0.0, 1.0)] * 2, (1.0, 0.0, 0.0)), joints=joints, bus=bus
     )
-    rest = rest_pose(assemble(name, urdf, first), body).tolist()
+    rest = rest_pose(assemble(name, urdf, first)).tolist()
     joints = {
         joint: row.model_copy(update={"rest": angle})
         for (joint, row), angle in zip(joints.items(), rest, strict=True)
@@ -97,18 +98,16 @@ def _joints(urdf: str, body: Body) -> dict[str, Joint]:
     groups = (body.left.joints, body.right.joints, body.neck, body.waist)
     for tens, group in enumerate(groups, start=1):
         for number, name in enumerate(group, start=1):
-            limit = elements[name].find("limit")
-            given = {} if limit is None else limit.attrib
-            lower, upper = float(given.get("lower", 0)), float(given.get("upper", 0))
-            velocity = float(given.get("velocity", 0))
+            lower, upper, velocity = joint_range(elements[name])
+            endless = elements[name].get("type") == "continuous"
+            if lower >= upper or not (endless or np.isfinite([lower, upper]).all()):
+                continue  # which `checks` tells
             narrowed: dict[str, float] = {}
-            if elements[name].get("type") == "continuous" or upper - lower > 2 * TURN:
+            if endless or upper - lower > 2 * TURN:
                 lower, upper = -TURN, TURN
                 narrowed |= {"lower": lower, "upper": upper}
-            if not 0 < velocity <= FASTEST:
+            if velocity > FASTEST:
                 narrowed |= {"velocity": FASTEST}
-            if lower >= upper:
-                continue
             # Servos turn as far either way; a joint with a range all on one side needs their middle there.
             offset = 0.0 if max(-lower, upper) < np.pi else round(-(lower + upper) / 2, 3)
             rows[name] = Joint(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from gesture_bot.retarget.chains import Body
 from gesture_bot.retarget.clearance import Clearance
+from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.reach import BONES, HANGING, angle_between, both_arms, misses
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.retarget.solver import DirectionSolver
@@ -30,30 +30,43 @@ _BENT = 10.0
 """Weight of angles far from zero beside that [degrees^2/rad^2]."""
 
 
-def rest_pose(robot: Robot, body: Body) -> np.ndarray:
+def rest_pose(robot: Robot) -> np.ndarray:
     """(j,) angles at which the arms hang, a little bent, off the body [rad].
 
-    Often several ways lead there, with the elbow turned in or out. Each arm takes the one from which what
-    speakers do is best in reach, and of which both keep clear of the robot.
+    Only the arms' joints are moved; where they rest now does not matter. Often several ways lead there, with
+    the elbow turned in or out. Each arm takes the one from which what speakers do is best in reach, and of
+    which both keep clear of the robot.
     """
+    arms = _arms(robot)
+    start = np.where(arms[0] | arms[1], np.clip(0, robot.limits.lower, robot.limits.upper), robot.rest)
+    robot = replace(robot, rest=start)
     solver, clearance = DirectionSolver(robot), Clearance(robot)
     ways = np.concatenate([_hanging(solver, robot, spread) for spread in SPREADS])
     off = np.array([angle_between(solver.reached(way)[BONES], both_arms(HANGING)) for way in ways])
     poses = np.array([list(misses(replace(robot, rest=way)).values()) for way in ways])
     missed = (off**2 + _REACH * np.sum(poses**2, axis=1)).reshape(-1, 2, 2).sum(axis=2)
-    arms = [np.isin(robot.joints, arm.joints) for arm in (body.left, body.right)]
     far = np.stack([np.sum(ways[:, arm] ** 2, axis=1) for arm in arms], axis=1)
     left, right = (missed + _BENT * far).T
     rests = []
     for one, other in sorted(
         np.ndindex(len(ways), len(ways)), key=lambda pair: left[pair[0]] + right[pair[1]]
     ):
-        rest = np.where(arms[0], ways[one], ways[other])
+        rest = np.select(arms, (ways[one], ways[other]), start)
         distance = clearance.nearest(rest).distance
         if distance >= KEPT:
             return rest
         rests.append((distance, rest))
     return max(rests, key=lambda pair: pair[0])[1]
+
+
+def _arms(robot: Robot) -> list[np.ndarray]:
+    """(j,) which joints move the left arm, and which the right."""
+    kinematics, mapping = Kinematics(robot), robot.mapping
+    inside, *arms = (
+        kinematics.joints_above(kinematics.link(link))
+        for link in (mapping.torso, mapping.left_arm.hand, mapping.right_arm.hand)
+    )
+    return [arm & ~inside for arm in arms]
 
 
 def _hanging(solver: DirectionSolver, robot: Robot, spread: float) -> np.ndarray:

@@ -10,6 +10,7 @@ from gesture_bot.base.errors import InvalidValueError, RobotError
 from gesture_bot.base.files import config_dir, read_yaml
 from gesture_bot.retarget.description import Bus, Joint, Mapping, RobotDescription
 from gesture_bot.retarget.follower import JointLimits
+from gesture_bot.retarget.urdf_file import joint_range, read_urdf
 
 
 @dataclass(frozen=True)
@@ -117,45 +118,25 @@ def assemble(name: str, urdf: str, description: RobotDescription) -> Robot:
     return Robot(name, urdf, limits, rest, description.mapping, servos, description.bus)
 
 
-def read_urdf(path: Path) -> str:
-    """The XML of a URDF file.
-
-    Raises:
-        RobotError: It cannot be read, or is no URDF.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-        root = ElementTree.fromstring(text)
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
-        raise RobotError(f"cannot read the URDF {path} ({error})") from error
-    if root.tag != "robot":
-        raise RobotError(f"{path} is not a URDF: its root element is", root.tag, ["robot"])
-    return text
-
-
 def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLimits:
-    turning = [joint for joint in root.findall("joint") if joint.get("type") in ("revolute", "continuous")]
-    elements = {joint.get("name", ""): joint for joint in turning}
+    elements = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    turning = [name for name, joint in elements.items() if joint.get("type") in ("revolute", "continuous")]
     rows = []
     for name, joint in description.joints.items():
         if name not in elements:
             message = f"the servo table has a joint that the URDF {description.urdf} lacks"
-            raise RobotError(message, name, elements)
+            raise RobotError(message, name, turning)
+        if name not in turning:
+            message = f"the servo table has a joint that is {elements[name].get('type')} in the URDF"
+            raise RobotError(message, name, turning)
         rows.append(_joint_limits(name, joint, elements[name]))
     return JointLimits(tuple(description.joints), *np.array(rows).T)
 
 
 def _joint_limits(name: str, joint: Joint, element: ElementTree.Element) -> tuple[float, float, float, float]:
-    limit = element.find("limit")
-    given = {} if limit is None else dict(limit.attrib)
-    if element.get("type") == "continuous":
-        given = {"velocity": given["velocity"]} if "velocity" in given else {}
-    try:
-        lower = max(float(given.get("lower", -np.inf)), joint.lower)
-        upper = min(float(given.get("upper", np.inf)), joint.upper)
-        velocity = min(float(given.get("velocity", joint.velocity)), joint.velocity)
-    except ValueError as error:
-        raise RobotError(f"the URDF's <limit> of {name} is not all numbers", given) from error
+    given = joint_range(element)
+    lower, upper = max(given.lower, joint.lower), min(given.upper, joint.upper)
+    velocity = min(given.velocity, joint.velocity)
     if not (-np.inf < lower < upper < np.inf and 0 < velocity < np.inf):
         message = f"{name} needs limits lower < upper and a velocity > 0, of the URDF or the YAML file"
         raise RobotError(message, (lower, upper, velocity))

@@ -66,6 +66,8 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
             bare.append(link.get("name", ""))
     onward = _onward(root)
     try:
+        for inertia in root.iterfind("link/inertial/inertia"):
+            _make_possible(inertia)
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         model = spec.compile()
         for link_name in bare:
@@ -73,7 +75,7 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         return spec.compile() if bare else model
     except ValueError as error:
         raise RobotError(
-            f"the URDF of {name} is no kinematic tree ({' '.join(str(error).split())})"
+            f"MuJoCo cannot make a model of the URDF of {name} ({' '.join(str(error).split())})"
         ) from error
 
 
@@ -86,6 +88,16 @@ def _onward(root: ElementTree.Element) -> dict[str, np.ndarray]:
             place = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
             found.setdefault(parent.get("link", ""), []).append(np.array(place.split(), float))
     return {link: places[0] for link, places in found.items() if len(places) == 1}
+
+
+def _make_possible(inertia: ElementTree.Element) -> None:
+    """Leave out products of inertia that no body can have; an exporter's error in a sign makes such."""
+    (xx, xy, xz), (yy, yz, zz) = (
+        [float(inertia.get(name, 0)) for name in row]
+        for row in (("ixx", "ixy", "ixz"), ("iyy", "iyz", "izz"))
+    )
+    if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] < 0:
+        inertia.attrib |= {"ixy": "0", "ixz": "0", "iyz": "0"}
 
 
 def _add_shape(body: mujoco.MjsBody, compiled: Any, onward: np.ndarray) -> None:

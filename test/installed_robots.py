@@ -13,6 +13,7 @@ URDFS = {
     "pepper": _PACKAGES / "qibullet/robot_data/pepper.urdf",
     "poppy": _PACKAGES / "poppy_torso/poppy_torso.urdf",
     "g1": EXTRAS / "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "g1_hand": EXTRAS / "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
     "tiago_pro": EXTRAS / "tiago_pro_description/robots/tiago_pro.urdf",
     "baxter": EXTRAS / "baxter_description/urdf/baxter.urdf",
 }

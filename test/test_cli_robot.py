@@ -1,5 +1,6 @@
 """`gesture-bot robot`: from a URDF to a mapping that gestures, and what it says of a wrong one."""
 
+import re
 import shutil
 
 import pytest
@@ -40,6 +41,27 @@ def test_a_mapping_is_not_written_over(urdf, tmp_path, capsys):
     assert main(["robot", "add", urdf]) == 1
     assert "will not write over" in capsys.readouterr().err
     assert (tmp_path / "mine.yaml").read_text() == "corrected by hand"
+
+
+def test_arms_hang_anew_and_the_rest_of_the_file_stays(tmp_path, capsys):
+    shutil.copy(URDF, tmp_path)
+    path, lines = tmp_path / "mine.yaml", URDF.with_suffix(".yaml").read_text().splitlines()
+    raised = [line.replace("rest: 0.10", "rest: 2.9") for line in lines]
+    path.write_text("\n".join(raised))
+    assert main(["robot", "check", str(path)]) == 0
+    assert "above the shoulder: left and right" in " ".join(capsys.readouterr().out.split())
+
+    assert main(["robot", "rest", str(path)]) == 0
+    assert "above the shoulder" not in " ".join(capsys.readouterr().out.split())
+    written = path.read_text().splitlines()
+    changed = [(old, new) for old, new in zip(raised, written, strict=True) if old != new]
+    assert {new.split(":")[0].strip() for _, new in changed} >= {
+        "left_shoulder_pitch",
+        "right_shoulder_pitch",
+    }
+    angle = re.compile("rest: [-.0-9]*")
+    assert all(angle.sub("", old) == angle.sub("", new) for old, new in changed)
+    assert main(["robot", "rest", "toa"]) == 1
 
 
 def test_toa_passes_its_check(capsys):

@@ -1,5 +1,6 @@
 """Robots that nobody here drew get a mapping from their URDF, and it is checked."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.mapping_file import write_mapping
 from gesture_bot.retarget.proposal import propose
 from gesture_bot.retarget.reach import BONES, POSES, WAVE, angle_between, both_arms, misses, taken_up
-from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
+from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.retarget.solver import DirectionSolver
+from gesture_bot.retarget.urdf_file import read_urdf
 from gesture_bot.retarget.urdf_model import urdf_model
 from gesture_bot.servo.table_check import table_problems
 
@@ -42,6 +44,11 @@ ANATOMY = {
         ("l_shoulder_motor", "l_forearm", "l_forearm", "l_forearm"), (4, 2, 3),
     ),
     "g1": (
+        "torso_link",
+        ("left_shoulder_roll_link", "left_elbow_link", "left_wrist_pitch_link", "left_wrist_yaw_link"),
+        (7, 0, 3),
+    ),
+    "g1_hand": (
         "torso_link",
         ("left_shoulder_roll_link", "left_elbow_link", "left_wrist_pitch_link", "left_wrist_yaw_link"),
         (7, 0, 3),
@@ -97,7 +104,7 @@ def test_a_proposal_passes_every_check(robot):
     findings = check_mapping(robot)
     assert not [finding for finding in findings if finding.state == "bad"]
     # G1 has no neck; Pepper's arms are too short to lie on its belly without touching it.
-    known = {"g1": {"head"}, "pepper": {"hands on the belly"}}.get(robot.name, set())
+    known = {"g1": {"head"}, "g1_hand": {"head"}, "pepper": {"hands on the belly"}}.get(robot.name, set())
     assert {finding.check for finding in findings if finding.state == "look"} <= known
     assert not list(table_problems(robot))
 
@@ -197,12 +204,58 @@ def test_a_joint_without_end_is_given_one_turn(tmp_path):
     assert not list(table_problems(robot))
 
 
+@pytest.mark.parametrize(
+    ("limit", "text"),
+    [
+        (
+            'lower="1.6" upper="-1.6" velocity="5"',
+            "left out: left_wrist, for its range in the URDF is from 1.6 to -1.6",
+        ),
+        ('velocity="5"', "left out: left_wrist, for it has no range"),
+        ('lower="-1.6" upper="1.6" velocity="0"', "no velocity in the URDF, and the YAML file's"),
+    ],
+)
+def test_what_the_urdf_does_not_say_of_a_joint_is_told(tmp_path, limit, text):
+    def wrist(urdf):
+        head, tail = urdf.split('<joint name="left_wrist"')
+        return f'{head}<joint name="left_wrist"' + re.sub("<limit .*?/>", f"<limit {limit}/>", tail, count=1)
+
+    robot = toa_with(tmp_path, wrist)
+    assert ("left_wrist" in robot.joints) == text.startswith("no velocity")
+    found = [finding.text for finding in check_mapping(robot) if finding[:2] == ("limits", "look")]
+    assert len(found) == 1 and found[0].startswith(text)
+    assert np.isfinite(robot.limits.velocity).all()
+
+
 def test_a_robot_without_arms_is_told_what_it_has():
     with pytest.raises(RobotError, match="no two chains.*its chains end in.*left_hand"):
         find_body(
             "toa",
             TOA.read_text().replace("right_elbow", "other_elbow").replace('type="revolute"', 'type="fixed"'),
         )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("joint name='head_tilt'", "joint name='head_pan'"), "two joints are called: 'head_pan'"),
+        (("link name='left_hand'", "link name='right_hand'"), "two links are called: 'right_hand'"),
+        (("joint name='head_tilt'", "joint"), "a joint has no name, the one after: 'head_pan'"),
+        (("lower='-0.6'", "lower='-pi/4'"), "lower of head_tilt is not a number: '-pi/4'"),
+        (("<robot ", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro' "), None),
+        (("</robot>", "<xacro:arm xmlns:xacro='http://ros.org/wiki/xacro'/></robot>"), "run xacro first"),
+    ],
+)
+def test_what_is_wrong_with_a_urdf_file_is_said(tmp_path, change, message):
+    before, after = (text.replace("'", '"') for text in change)
+    text = TOA.read_text().replace(before, after, 1)
+    assert text != TOA.read_text()
+    (tmp_path / "mine.urdf").write_text(text)
+    if message is None:
+        assert read_urdf(tmp_path / "mine.urdf") == text
+        return
+    with pytest.raises(RobotError, match=re.escape(message)):
+        read_urdf(tmp_path / "mine.urdf")
 
 
 def changed(tmp_path: Path, change) -> Robot:
@@ -237,6 +290,10 @@ def palm_along_the_arm(description):
     description["mapping"]["right_arm"]["palm"] = [0, 0, -1]
 
 
+def arm_up(description):
+    description["joints"]["left_shoulder_pitch"]["rest"] = 2.9
+
+
 def no_elbow_servo(description):
     del description["joints"]["right_elbow"]
 
@@ -247,6 +304,7 @@ def no_elbow_servo(description):
         (swap_arms, "left arm", "bad", "other side"),
         (swap_elbow_and_wrist, "left arm", "bad", "left_forearm does not hang on left_hand"),
         (arms_through_the_body, "rest pose", "bad", "collide"),
+        (arm_up, "hands at rest", "look", "above the shoulder: left;"),
         (face_backward, "face", "look", "180 degrees"),
         (palm_along_the_arm, "palms", "look", "90 degrees"),
         (no_elbow_servo, "right arm", "look", "held at zero: right_elbow"),

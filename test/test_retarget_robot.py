@@ -86,6 +86,14 @@ def test_a_missing_joint_is_named_with_those_there(tmp_path):
         load_robot(path)
 
 
+def test_a_servo_for_a_joint_that_is_fixed_is_told_so(tmp_path):
+    path = changed(
+        tmp_path, urdf=lambda text: text.replace('"head_pan" type="revolute"', '"head_pan" type="fixed"')
+    )
+    with pytest.raises(RobotError, match="is fixed in the URDF: 'head_pan'; valid: head_tilt"):
+        load_robot(path)
+
+
 @pytest.mark.parametrize("text", ["hello", "<sdf/>"])
 def test_what_is_not_urdf_is_refused(tmp_path, text):
     with pytest.raises(RobotError, match="URDF"):
@@ -94,7 +102,7 @@ def test_what_is_not_urdf_is_refused(tmp_path, text):
 
 def test_a_urdf_that_is_no_tree_is_refused(tmp_path):
     path = changed(tmp_path, urdf=lambda text: text.replace('parent link="torso"', 'parent link="head"'))
-    with pytest.raises(RobotError, match="no kinematic tree"):
+    with pytest.raises(RobotError, match="MuJoCo cannot make a model of the URDF of mine"):
         Kinematics(load_robot(path))
 
 
@@ -151,6 +159,13 @@ def test_what_simulators_add_to_a_urdf_is_ignored(tmp_path):
     )
     path = changed(tmp_path, urdf=lambda text: text.replace("</robot>", added))
     np.testing.assert_allclose(Kinematics(load_robot(path)).position("torso"), [0, 0, 0.24])
+
+
+def test_an_inertia_that_no_body_has_does_not_matter(tmp_path):
+    path = changed(
+        tmp_path, urdf=lambda text: text.replace('ixz="0" iyy="4.58e-03"', 'ixz="0.02" iyy="4.58e-03"')
+    )
+    assert Kinematics(load_robot(path)).model.body("torso").inertia.sum() == pytest.approx(0.01385)
 
 
 def test_an_arm_without_length_is_refused(tmp_path):

@@ -90,7 +90,7 @@ def test_check_tells_changes_and_makes_them_once(typed, capsys):
         assert servos("check", "toa", "--port", wire.port) == 1
         assert wire.writes == [], "it only looks"
         told = capsys.readouterr().out
-        assert "Operating Mode" in told and "--apply" in told
+        assert "Operating Mode 4 -> 3" in told and "--apply" in told
 
         typed.write("\n")
         assert servos("check", "toa", "--apply", "--port", wire.port) == 0
@@ -106,6 +106,15 @@ def test_check_tells_changes_and_makes_them_once(typed, capsys):
         driver = Driver(ROBOT, wire.port)
         driver.start()
         driver.close()
+
+
+def test_check_cuts_no_joint_or_model_in_a_narrow_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    with recorded_bus(ROBOT) as wire:
+        assert servos("check", "toa", "--port", wire.port) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    for servo in ROBOT.servos:
+        assert f"{servo.joint} {servo.id} {servo.model} v48" in told
 
 
 def test_check_names_what_no_setting_solves(capsys):
@@ -147,9 +156,17 @@ def test_calibration_is_guided_lasts_and_is_undone(typed, capsys):
         assert servos("calibrate", "toa", "--undo", "--port", wire.port) == 1
         assert "nothing to undo" in capsys.readouterr().err
 
+        typed.write("q\n")
+        assert servos("calibrate", "toa", left.joint, "--port", wire.port) == 0
+        assert "undo" not in capsys.readouterr().out
+
+        wire.servos[31].set("Torque Enable", 1)
         typed.write("\n\n")
         assert servos("calibrate", "toa", left.joint, right.joint, "--port", wire.port) == 0
         told = capsys.readouterr().out
+        assert wire.servos[31].get("Torque Enable") == 1, "the head is not calibrated"
+        wire.servos[31].set("Torque Enable", 0)
+        assert "2 of 2" in told and "--undo" in told
         assert "left_elbow: homing offset 0 -> -171" in told and "right_elbow: homing offset 0 -> 228" in told
         for servo in (left, right):
             wire.servos[servo.id].reboot()
@@ -160,6 +177,22 @@ def test_calibration_is_guided_lasts_and_is_undone(typed, capsys):
         assert [wire.servos[servo.id].get("Homing Offset") for servo in (left, right)] == [0, 0]
         assert servos("calibrate", "toa", "--undo", "--port", wire.port) == 0
         assert [wire.servos[servo.id].get("Homing Offset") for servo in (left, right)] == [-171, 228]
+
+
+def test_calibration_that_is_interrupted_says_what_is_done(typed, monkeypatch, capsys):
+    lines = iter([""])
+
+    def interrupted(*_):
+        for line in lines:
+            return line
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gesture_bot.cli.servos_calibrate.answer", interrupted)
+    with recorded_bus(ROBOT) as wire:
+        wire.servos[31].position, wire.servos[32].position = 2048, 2048
+        assert servos("calibrate", "toa", "head_pan", "head_tilt", "--port", wire.port) == 0
+    told = capsys.readouterr().out
+    assert "1 of 2 joints calibrated" in told and "--undo" in told
 
 
 def test_a_calibrated_joint_goes_where_it_is_sent():
@@ -208,11 +241,16 @@ def test_monitor_shows_hot_and_silent_servos_among_the_others():
 
 def test_monitor_runs_until_ctrl_c():
     with recorded_bus(ROBOT) as wire:
-        process = subprocess.Popen(
-            command("servos", "monitor", "toa", "--port", wire.port), stdout=subprocess.PIPE, text=True
-        )
-        wait_until(lambda: wire.questions > 3, 20, "its questions")
+        wire.servos[31].set("Hardware Error Status", 1 << 2)
+        with closing(Bus(wire.port, BAUDRATE)) as bus:
+            bus.write(32, "Baud Rate", 1)
+        asked = wire.questions
+        arguments = command("servos", "monitor", "toa", "--port", wire.port)
+        narrow = os.environ | {"COLUMNS": "60"}
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=narrow)
+        wait_until(lambda: wire.questions > asked + 12, 20, "its questions")
         process.send_signal(signal.SIGINT)
         shown, _ = process.communicate(timeout=10)
         assert process.returncode == 0
         assert all(joint in shown for joint in ROBOT.joints)
+        assert "overheating, off" in shown and "does not answer" in shown
