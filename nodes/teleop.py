@@ -35,7 +35,7 @@ class Operator(GestureNode):
     def __init__(self, name: str, **options: Any):
         super().__init__(name, **options)
         self._trajectories = self.create_publisher(JointTrajectory, "teleop/joint_trajectory", PLAN)
-        # Not latched: it must not outlive a reset. The default callbacks would warn of listeners to latched ones.
+        # Not latched: it must not outlive a reset. The default callbacks would warn of who wants it latched.
         silent = PublisherEventCallbacks(use_default_callbacks=False)
         self._stop = self.create_publisher(Bool, "stop", PLAN, event_callbacks=silent)
         self.owners: dict[str, str] = {}

@@ -86,14 +86,14 @@ def rewrite_rest(path: Path, rest: Mapping[str, float]) -> None:
         if place is None:
             raise FileFormatError(f"{path} gives no rest angle in the line of", joint)
         places.append((place.start_mark.index, place.end_mark.index, f"{angle:.5g}"))
-    for begin, end, angle in sorted(places, reverse=True):
-        text = text[:begin] + angle + text[end:]
+    for begin, end, written in sorted(places, reverse=True):
+        text = text[:begin] + written + text[end:]
     with write_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _items(node: yaml.Node) -> dict[str, yaml.Node]:
-    return {key.value: value for key, value in node.value}
+def _items(node: yaml.Node | None) -> dict[str, yaml.Node]:
+    return {key.value: value for key, value in node.value} if node else {}
 
 
 def _arm(name: str, arm: Arm) -> str:
