@@ -35,15 +35,11 @@ class MovingRobot(GestureNode):
 
 
 @contextmanager
-def spinning(*classes):
-    """A node of each class, spun in one thread of their own; yields the nodes."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
+def spun(context, nodes):
+    """Spins nodes in one thread, as `gesture-bot run` does, and destroys them in the end, last one first."""
     executor = SingleThreadedExecutor(context=context)
-    nodes = [node_class(context=context) for node_class in classes]
     for node in nodes:
         executor.add_node(node)
-
     ended = threading.Event()
 
     def spin():
@@ -53,11 +49,23 @@ def spinning(*classes):
     thread = threading.Thread(target=spin)
     thread.start()
     try:
-        yield nodes
+        yield
     finally:
         ended.set()
         thread.join()
         executor.shutdown()
-        for node in nodes:
+        for node in reversed(nodes):
             node.destroy_node()
+
+
+@contextmanager
+def spinning(*classes):
+    """A node of each class in a context of their own, spun; yields the nodes."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    nodes = [node_class(context=context) for node_class in classes]
+    try:
+        with spun(context, nodes):
+            yield nodes
+    finally:
         rclpy.shutdown(context=context)

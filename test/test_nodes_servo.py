@@ -1,13 +1,11 @@
 """The nodes around the servos, as their topics and services, and the packets on the bus, show them."""
 
-import threading
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 from conftest import wait_until
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from moving_robot import spun
 from rclpy.parameter import Parameter
 from servo_bus import recorded_bus
 from std_msgs.msg import Bool
@@ -36,36 +34,11 @@ def wire():
         yield wire
 
 
-@contextmanager
-def standing(listener, *nodes):
-    """The nodes in a thread of their own, as `gesture-bot run` has them."""
-    from rclpy.executors import SingleThreadedExecutor
-
-    executor = SingleThreadedExecutor(context=listener.context)
-    for node in nodes:
-        executor.add_node(node)
-    ended = threading.Event()
-
-    def spin():
-        while not ended.is_set():
-            executor.spin_once(timeout_sec=0.1)
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-        for node in reversed(nodes):
-            node.destroy_node()
-
-
 @pytest.fixture
 def driver(listener, wire):
     port = Parameter("port", value=wire.port)
     driver = ServoDriver(context=listener.context, parameter_overrides=[port])
-    with standing(listener, driver):
+    with spun(listener.context, [driver]):
         yield driver
 
 
@@ -75,7 +48,7 @@ def both(listener, wire):
     port = Parameter("port", value=wire.port)
     mux = MotionMux(context=listener.context)
     driver = ServoDriver(context=listener.context, parameter_overrides=[port])
-    with standing(listener, mux, driver):
+    with spun(listener.context, [mux, driver]):
         yield listener
 
 
