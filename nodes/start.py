@@ -4,11 +4,8 @@ import importlib
 import os
 import signal
 import sys
-import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -18,9 +15,6 @@ from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
-
-URGENT = ("motion_mux", "servo_driver")
-"""Nodes of the graph with a thread of their own, so that a stop waits for no search and no retargeting."""
 
 
 def start_node(name: str) -> int:
@@ -73,7 +67,7 @@ def parse_arguments(
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
     rclpy.init(args=list(args))
     # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
-    executor, urgent = SingleThreadedExecutor(), SingleThreadedExecutor()
+    executor = SingleThreadedExecutor()
     running = []
     try:
         for node in nodes:
@@ -84,9 +78,8 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
                     node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides
                 )
             )
-            (urgent if len(nodes) > 1 and node.name in URGENT else executor).add_node(running[-1])
-        with _spinning(urgent):
-            executor.spin()
+            executor.add_node(running[-1])
+        executor.spin()
     except GestureBotError as error:
         return _report(error)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -104,30 +97,6 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
-
-
-@contextmanager
-def _spinning(executor: SingleThreadedExecutor) -> Iterator[None]:
-    """Spin in a thread until the block ends; an error there ends the block, and is raised behind it."""
-    ended = threading.Event()
-
-    def spin() -> None:
-        try:
-            while not ended.is_set() and executor.context.ok():
-                executor.spin_once(timeout_sec=0.1)
-        except ExternalShutdownException:
-            pass
-        finally:
-            if not ended.is_set():
-                executor.context.try_shutdown()
-
-    with ThreadPoolExecutor(1) as thread:
-        spun = thread.submit(spin)
-        try:
-            yield
-        finally:
-            ended.set()
-            spun.result()
 
 
 def _report(error: GestureBotError) -> int:

@@ -66,11 +66,16 @@ class CollisionGuard:
         Returns:
             (j,) masks of the joints on either side that could brake; empty if all keep clear.
         """
+        self._known -= self._reaches @ np.abs(positions - self._known_at)
+        self._known_at = positions
+        # Mostly nothing is near: no joint goes farther than this until it rests.
+        speeds = np.abs(velocities)
+        farthest = 0.5 * self._dt * speeds * (speeds / self._gain + 1.0)
+        if (self._known > LEAST + self._reaches @ farthest).all():
+            return []
         path = self._braking(positions, velocities)
         steps = np.abs(np.diff(path, axis=0, prepend=path[:1]))
         ways = np.cumsum(steps, axis=0) @ self._reaches.T
-        self._known -= self._reaches @ np.abs(positions - self._known_at)
-        self._known_at = positions
         # The tick at which each pair has to be looked at next; the last is never reached.
         due = np.where(self._known < LEAST + ways[-1], 0, len(path))
         while (at := int(due.min(initial=len(path)))) < len(path):

@@ -254,7 +254,8 @@ class Driver:
         upkeep, following = self._upkeep, self._following
         back = upkeep.heed()
         # What is out of service starts again from where it is.
-        self._envelope.reset(measured, upkeep.out | back)
+        if (moved := upkeep.out | back).any():
+            self._envelope.reset(measured, moved)
         watched = ~upkeep.out & self._reader.fresh
         following.compare(self._envelope.positions.copy(), measured, efforts, watched, self.clock.monotonic())
         upkeep.odd = following.limp
@@ -280,7 +281,7 @@ class Driver:
 
     def _tell(self) -> None:
         def names(joints: np.ndarray) -> tuple[str, ...]:
-            return tuple(np.array(self._robot.joints)[joints].tolist())
+            return tuple(self._robot.joints[joint] for joint in np.flatnonzero(joints))
 
         status, upkeep = self.status, self._upkeep
         status.late_answers = self._reader.late
