@@ -16,7 +16,7 @@ from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable
-from gesture_bot.servo.trajectories import Overlay, coast, ease
+from gesture_bot.servo.trajectories import Overlay, coast, ease, easing_time
 from gesture_bot.servo.upkeep import NO_ANSWER, RELAXED, Upkeep
 
 EXIT_TIME = 5.0
@@ -317,13 +317,11 @@ class Driver:
         leaving = self._envelope.positions.copy(), self._envelope.velocities.copy()
         rest = self._robot.rest, np.zeros(len(self._robot.rest))
         limits = self._robot.limits
-        distance = np.abs(rest[0] - leaving[0])
-        # Peaks of a minimum-jerk path: 1.875 distances a duration, 5.774 distances a duration squared.
-        duration = max(
-            np.max(1.875 * distance / (EXIT_SHARE * limits.velocity)),
-            np.sqrt(np.max(5.774 * distance / (EXIT_SHARE * limits.acceleration))),
-            self._dt,
+        distance = rest[0] - leaving[0]
+        durations = easing_time(
+            distance, 0.0 * distance, EXIT_SHARE * limits.velocity, EXIT_SHARE * limits.acceleration
         )
+        duration = max(durations.max(), self._dt)
         start = self.clock.monotonic()
         for elapsed in np.arange(0.0, EXIT_TIME, self._dt):
             self.clock.sleep(max(start + elapsed - self.clock.monotonic(), 0.0))
