@@ -6,6 +6,8 @@ import signal
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from types import FrameType
+from typing import NoReturn
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -65,6 +67,7 @@ def parse_arguments(
 
 
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
+    signal.signal(signal.SIGINT, _interrupt_once)  # before rclpy's own handler, which passes it on
     rclpy.init(args=list(args))
     # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
     executor = SingleThreadedExecutor()
@@ -90,13 +93,18 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
         if rclpy.ok():
             raise
     finally:
-        # A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # also where something else than Ctrl-C ended it
         # The bus first: it was built last, and brings the robot to rest while the others still stand.
         for node in reversed(running):
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _interrupt_once(signum: int, frame: FrameType | None) -> NoReturn:
+    """A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _report(error: GestureBotError) -> int:
