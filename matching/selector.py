@@ -24,8 +24,8 @@ AHEAD = 0.8
 SOON = 0.25
 """Other windows are planned so long before they are seen [s]: time for all that comes after the search."""
 
-REACT = 0.15
-"""What is seen sooner than this is not changed any more [s]."""
+REACT = 0.2
+"""What is seen sooner than this is not changed any more [s]: time for what comes after, and to spare."""
 
 CUT_REACT = 0.1
 """What is seen sooner than this is not changed by a cut any more [s]: time for the bus alone."""

@@ -28,10 +28,11 @@ class Clearance:
 
     Args:
         robot: Whose distances.
+        kinematics: What moves the robot; its own if None.
     """
 
-    def __init__(self, robot: Robot):
-        self._kinematics = Kinematics(robot)
+    def __init__(self, robot: Robot, kinematics: Kinematics | None = None):
+        self._kinematics = kinematics or Kinematics(robot)
         model = self._kinematics.model
         solid = model.geom_contype != 0
         owners = model.geom_bodyid
@@ -71,9 +72,8 @@ class Clearance:
         found = {pair: self.distance(pair, limit) for pair in self._around(limit)}
         return {pair: distance for pair, distance in found.items() if distance < limit}
 
-    def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) distances under a limit at (j,) angles, and their (n, j) derivatives [rad, m]."""
-        self._kinematics.place(angles)
+    def rows(self, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) distances under a limit where the joints are now [m], and their (n, j) derivatives [m/rad]."""
         found: list[float] = []
         pairs, ends = [], []
         for pair in self._around(limit):
@@ -83,7 +83,7 @@ class Clearance:
                 pairs.append(pair)
                 ends.append(self._ends.copy())
         if not found:
-            return np.empty(0), np.empty((0, len(angles)))
+            return np.empty(0), np.empty((0, self._kinematics.coupling.shape[1]))
         distances, points = np.array(found), np.array(ends).reshape(-1, 2, 3)
         links = self._kinematics.model.geom_bodyid[self._pairs[pairs]]
         moving = self._kinematics.jacobians(links.ravel(), points.reshape(-1, 3))[:, 0]

@@ -34,7 +34,9 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 ITERATIONS = 4
 LARGEST_STEP = 0.5
-"""Gauss-Newton steps a pose, and the largest change of an angle in one [rad]."""
+SMALLEST_STEP = 0.01
+"""Most Gauss-Newton steps a pose, and the largest change of an angle in one [rad]; one in which no angle
+changes by the smallest is the last."""
 
 
 class DirectionSolver:
@@ -73,7 +75,7 @@ class DirectionSolver:
         self._torso_axes = robot.mapping.torso_axes()
         self._check_bones()
         self._below_torso = ~self._kinematics.joints_above(self._torso[0])
-        self._clearance = Clearance(robot)
+        self._clearance = Clearance(robot, self._kinematics)
         arm = float(self._lengths().sum()) / 2
         self._kept, self._crowded = KEPT * arm, CROWDED * arm
 
@@ -98,14 +100,17 @@ class DirectionSolver:
                 + TO_PREVIOUS * (angles - previous)
                 + TO_REST * (angles - self._rest)
             )
-            distances, parting = self._clearance.rows(angles, self._kept)
+            distances, parting = self._clearance.rows(self._kept)
             if len(distances):
                 parting *= self._below_torso / self._crowded
                 hessian += parting.T @ parting
                 gradient -= (self._kept - distances) / self._crowded @ parting
             lowest = np.minimum(np.maximum(lower - angles, -LARGEST_STEP), LARGEST_STEP)
             highest = np.minimum(np.maximum(upper - angles, -LARGEST_STEP), LARGEST_STEP)
-            angles = angles + _bounded_step(hessian, gradient, lowest, highest)
+            step = _bounded_step(hessian, gradient, lowest, highest)
+            angles = angles + step
+            if np.abs(step).max() < SMALLEST_STEP:
+                break
         return self._clear(previous, np.clip(angles, lower, upper))
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
