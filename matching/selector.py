@@ -21,7 +21,7 @@ from gesture_bot.matching.strokes import Strokes
 AHEAD = 0.8
 """Where speech is announced, windows are planned so long before they are seen [s]."""
 
-SOON = 0.25
+SOON = 0.3
 """Other windows are planned so long before they are seen [s]: time for all that comes after the search."""
 
 REACT = 0.2

@@ -1,6 +1,7 @@
 """Decides who moves each joint, by priority; a stop outranks all and latches."""
 
 import math
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from trajectory_msgs.msg import JointTrajectory
 from gesture_bot.msg import JointOwners
 from gesture_bot.nodes.messages import trajectory_from, trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE, GestureNode, diagnostic, stamp
+from gesture_bot.nodes.urgent import UrgentNode
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo import mux
 from gesture_bot.servo.arbitration import Lock, Source, load_arbitration
@@ -28,6 +30,7 @@ class MotionMux(GestureNode):
             self.parameter("sources", "shipped", "Sources of motion and locks: a YAML file, or 'shipped'")
         )
         self._mux = mux.MotionMux(robot.limits, robot.rest, sources, locks)
+        self._turn = threading.RLock()
         self._owners: dict[str, str] = {}
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", PLAN)
         self._owners_publisher = self.create_publisher(JointOwners, "motion_mux/owners", STATE)
@@ -35,25 +38,35 @@ class MotionMux(GestureNode):
             self._follow(source)
         for lock in locks:
             self._obey(lock)
-        self.listen_to_state(Bool, "stop", self._on_stop)
-        self.create_service(Trigger, "stop", self._answer(self._mux.stop, STOPPED))
-        self.create_service(
-            Trigger, "reset", self._answer(self._mux.reset, "gestures and teleoperation go on")
-        )
+        self._urgent = UrgentNode(self)
+        self._urgent.listen_to_state(Bool, self.resolve_topic_name("stop"), self._on_stop)
+        for name, act, outcome in (
+            ("stop", self._mux.stop, STOPPED),
+            ("reset", self._mux.reset, "gestures and teleoperation go on"),
+        ):
+            self._urgent.create_service(Trigger, self.resolve_service_name(name), self._answer(act, outcome))
         self.every(0.04, self._tick)
         self.every(1.0, self._report)
         self.waits_for(f"trajectories on {' and '.join(source.topic for source in sources)}")
 
+    def destroy_node(self) -> None:
+        """Hear no stop any more, either."""
+        self._urgent.destroy_node()
+        super().destroy_node()
+
     def _follow(self, source: Source) -> None:
         def on_trajectory(message: JointTrajectory) -> None:
             now = self.now()
-            self._mux.set_source(source.name, trajectory_from(message, now), now)
+            trajectory = trajectory_from(message, now)
+            with self._turn:
+                self._mux.set_source(source.name, trajectory, now)
 
         self.listen(JointTrajectory, source.topic, on_trajectory, PLAN)
 
     def _obey(self, lock: Lock) -> None:
         def on_lock(message: Bool) -> None:
-            self._mux.set_lock(lock.name, message.data, self.now())
+            with self._turn:
+                self._mux.set_lock(lock.name, message.data, self.now())
 
         if lock.timeout < math.inf:
             self.listen(Bool, lock.topic, on_lock, PLAN)  # each one is a sign of life
@@ -62,19 +75,21 @@ class MotionMux(GestureNode):
 
     def _on_stop(self, message: Bool) -> None:
         if message.data:
-            self._mux.stop()
-            self._tick()
-            self.get_logger().info(STOPPED)
+            self._act(self._mux.stop, STOPPED)
 
     def _answer(self, act: Callable[[], None], outcome: str) -> Callable[..., Trigger.Response]:
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            act()
-            self._tick()
-            self.get_logger().info(outcome)
+            self._act(act, outcome)
             response.success, response.message = True, outcome
             return response
 
         return answer
+
+    def _act(self, act: Callable[[], None], outcome: str) -> None:
+        with self._turn:
+            act()
+            self._tick()
+        self.get_logger().info(outcome)
 
     def _report(self) -> None:
         held = [STOPPED] if self._mux.stopped else []
@@ -83,10 +98,11 @@ class MotionMux(GestureNode):
         self.diagnose(diagnostic("motion mux", held + self.errors(), "open", **owners))
 
     def _tick(self) -> None:
-        self._commands.publish(trajectory_to(self._mux.tick(self.now())))
-        owners = self._mux.owners
-        if owners != self._owners:
-            self._owners = owners
-            message = JointOwners(joints=list(owners), owners=list(owners.values()))
-            message.header.stamp = stamp(self.now())
-            self._owners_publisher.publish(message)
+        with self._turn:
+            self._commands.publish(trajectory_to(self._mux.tick(self.now())))
+            owners = self._mux.owners
+            if owners != self._owners:
+                self._owners = owners
+                message = JointOwners(joints=list(owners), owners=list(owners.values()))
+                message.header.stamp = stamp(self.now())
+                self._owners_publisher.publish(message)

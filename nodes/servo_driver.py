@@ -22,6 +22,7 @@ from gesture_bot.msg import JointOwners
 from gesture_bot.nodes.managed import ManagedNode
 from gesture_bot.nodes.messages import trajectory_from
 from gesture_bot.nodes.node import PLAN, STATE, diagnostic, stamp
+from gesture_bot.nodes.urgent import UrgentNode
 from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.servo.arbitration import STOP
 from gesture_bot.servo.driver import Driver
@@ -62,7 +63,9 @@ class ServoDriver(ManagedNode):
         self._stopping = threading.Event()
         self._loop: threading.Thread | None = None
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
-        self.listen(JointOwners, "motion_mux/owners", self._on_owners, STATE)
+        self._urgent = UrgentNode(self)
+        owners = self.resolve_topic_name("motion_mux/owners")
+        self._urgent.listen(JointOwners, owners, self._on_owners, STATE)
         self.every(1.0, self._report)
         self.bring_up()
         self.waits_for("joint_trajectory; holds until then")
@@ -103,6 +106,7 @@ class ServoDriver(ManagedNode):
 
     def destroy_node(self) -> None:
         """Give the servos back, and end the virtual bus."""
+        self._urgent.destroy_node()
         super().destroy_node()
         self._resources.close()
 

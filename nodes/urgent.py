@@ -1,0 +1,42 @@
+"""What must not wait for anything else in the process: a stop."""
+
+import threading
+from contextlib import suppress
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from gesture_bot.nodes.node import GestureNode
+
+
+class UrgentNode(GestureNode):
+    """A small node beside another, in a thread of its own; it sleeps until it is called.
+
+    In one process, all other nodes share a thread, and each waits for what the others are at.
+
+    Args:
+        owner: The node whose namespace and remappings count.
+    """
+
+    def __init__(self, owner: GestureNode):
+        # A name given to the process, as `ros2 launch` does, is the owner's.
+        super().__init__(
+            f"{owner.get_name()}_urgent",
+            namespace=owner.get_namespace(),
+            context=owner.context,
+            use_global_arguments=False,
+            start_parameter_services=False,
+        )
+        self._loop = SingleThreadedExecutor(context=owner.context)
+        self._loop.add_node(self)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """End the thread, too."""
+        self._loop.shutdown()
+        self._thread.join()
+        super().destroy_node()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._loop.spin()
