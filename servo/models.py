@@ -17,6 +17,9 @@ CENTRE = 2048
 VELOCITY_UNIT = 0.229 * 2 * math.pi / 60
 """Unit of Present Velocity (128) and Profile Velocity (112) [rad/s]."""
 
+ACCELERATION_UNIT = 214.577 * 2 * math.pi / 3600
+"""Unit of Profile Acceleration (108) [rad/s^2]."""
+
 POSITION_MODE = 3
 """Operating Mode (11): position control over one turn."""
 

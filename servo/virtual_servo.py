@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from dynamixel_easy_sdk.data_types import ControlTableItem
 from dynamixel_sdk.protocol2_packet_handler import (
     ERRNUM_ACCESS,
     ERRNUM_DATA_LENGTH,
@@ -11,6 +12,7 @@ from dynamixel_sdk.protocol2_packet_handler import (
 )
 
 from gesture_bot.servo.models import (
+    ACCELERATION_UNIT,
     BAUD_RATES,
     CENTRE,
     HOMING_RANGE,
@@ -21,12 +23,19 @@ from gesture_bot.servo.models import (
     WATCHDOG_UNIT,
     find_model,
 )
+from gesture_bot.servo.virtual_profile import Profile
 
 RAM = 64
 """Registers below this address are EEPROM: they can be written only while torque is off."""
 
 BANDWIDTH = 60.0
 """Natural frequency of the critically damped joint [rad/s]; it follows a moving goal 2 / 60 s behind."""
+
+IN_POSITION, ONGOING, KIND = 1 << 0, 1 << 1, 1 << 4
+"""Bits of Moving Status (123), and the place of the profile's type."""
+
+INDIRECT = ((168, 224, 28), (578, 634, 28))
+"""First Indirect Address, first Indirect Data, and how many; an XL330 has the first block alone."""
 
 ROOM = 25.0
 """Temperature of the room [degC]."""
@@ -77,9 +86,10 @@ class ServoSpec:
 
 
 class VirtualServo:
-    """A servo whose joint follows Goal Position as a critically damped second-order system.
+    """A servo whose joint follows its profile as a critically damped second-order system.
 
-    It moves while torque is on, in position mode, no faster than Profile Velocity and the no-load speed.
+    It moves while torque is on, in position mode, no faster than the no-load speed. The profile leads to Goal
+    Position, by Profile Velocity and Profile Acceleration; it is always velocity-based.
 
     Attributes:
         memory: The control table, byte by byte.
@@ -93,8 +103,11 @@ class VirtualServo:
     def __init__(self, spec: ServoSpec):
         self.model = find_model(spec.model)
         self.memory = bytearray(1024)
-        self._table = self.model.table
-        self._names = {item.address: name for name, item in self._table.items() if name in WRITABLE}
+        self._table = dict(self.model.table)
+        self._limits = dict(WRITABLE)
+        self._pointers: dict[int, int] = {}
+        self._add_indirect()
+        self._names = {item.address: name for name, item in self._table.items() if name in self._limits}
         self.position = float(spec.ticks)
         self.velocity = 0.0
         self.temperature = ROOM
@@ -102,6 +115,8 @@ class VirtualServo:
         self.stuck = False
         self._silence = 0.0
         self._uptime = 0.0
+        self._profile = Profile(self.position)
+        self._planned: int | None = None
         self._switch_on(first_address=0)
         self.set("ID", spec.id)
         self.set("Baud Rate", next(value for value, rate in BAUD_RATES.items() if rate == spec.baudrate))
@@ -120,7 +135,7 @@ class VirtualServo:
     def get(self, name: str) -> int:
         """The value of a register."""
         item = self._table[name]
-        smallest, _ = WRITABLE.get(name, (0, 0))
+        smallest, _ = self._limits.get(name, (0, 0))
         data = self.memory[item.address : item.address + item.size]
         return int.from_bytes(data, "little", signed=smallest < 0)
 
@@ -142,30 +157,34 @@ class VirtualServo:
 
     def read(self, address: int, size: int) -> bytes:
         """Some bytes of the control table; where no register lies, they are zero."""
-        return bytes(self.memory[address : address + size])
+        end = min(address + size, len(self.memory))
+        return bytes(self.memory[self._target(at)] for at in range(address, end))
 
     def write(self, address: int, data: bytes) -> int:
         """Write registers that lie side by side, all or none, and return the status packet's error number."""
         values = {}
+        targets = [self._target(at) for at in range(address, address + len(data))]
         while data:
-            name = self._names.get(address)
-            if name is None or (address < RAM and self.get("Torque Enable")):
+            name = self._names.get(targets[0])
+            if name is None or (targets[0] < RAM and self.get("Torque Enable")):
                 return ERRNUM_ACCESS
             size = self._table[name].size
-            if len(data) < size:
+            if targets[:size] != list(range(targets[0], targets[0] + size)):
                 return ERRNUM_DATA_LENGTH
-            smallest, largest = WRITABLE[name]
+            smallest, largest = self._limits[name]
             values[name] = int.from_bytes(data[:size], "little", signed=smallest < 0)
             if not smallest <= values[name] <= largest:
                 return ERRNUM_DATA_RANGE
             if name in GOALS and self.get("Bus Watchdog") == WATCHDOG_ERROR:
                 return ERRNUM_DATA_RANGE
-            address, data = address + size, data[size:]
+            targets, data = targets[size:], data[size:]
         lowest, highest = self.get("Min Position Limit"), self.get("Max Position Limit")
         if not lowest <= values.get("Goal Position", lowest) <= highest:
             return ERRNUM_DATA_LIMIT
         for name, value in values.items():
             self.set(name, value)
+        if "Goal Position" in values:
+            self._planned = None
         return 0
 
     def advance(self, seconds: float) -> None:
@@ -180,36 +199,44 @@ class VirtualServo:
         watchdog = self.get("Bus Watchdog")
         if powered and 0 < watchdog < WATCHDOG_ERROR and self._silence > watchdog * WATCHDOG_UNIT:
             self.set("Bus Watchdog", WATCHDOG_ERROR)
-            self.set("Goal Position", round(self.position) + self.homing)
+            self._planned = round(self.position) + self.homing
+            self.set("Goal Position", self._planned)
+            self._profile.begin(round(self.position), 0.0, 0.0)
         load = 0.0
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._follow(self.get("Goal Position") - self.homing, seconds)
+            load = self._follow(seconds)
         else:
             self.velocity = 0.0
+            self._profile, self._planned = Profile(self.position), None
         settled = ROOM + FULL_LOAD_HEATING * load * load
         self.temperature += (settled - self.temperature) * min(seconds / HEATING_TIME, 1.0)
         self._show(load)
 
-    def _follow(self, goal: float, seconds: float) -> float:
-        """Move toward a goal [ticks] in closed form; returns the load as a share of the stall torque."""
+    def _follow(self, seconds: float) -> float:
+        """Move along the profile, in closed form; returns the load as a share of the stall torque."""
+        goal, profile = self.get("Goal Position"), self._profile
+        if goal != self._planned:
+            speed = self.get("Profile Velocity") * VELOCITY_UNIT * TICKS_PER_RADIAN
+            acceleration = self.get("Profile Acceleration") * ACCELERATION_UNIT * TICKS_PER_RADIAN
+            profile.begin(goal - self.homing, speed, acceleration)
+            self._planned = goal
+        start = profile.position
+        profile.advance(seconds)
         if self.stuck:
             self.velocity = 0.0
-            return self._load(goal)
-        error = self.position - goal
-        pull = self.velocity + BANDWIDTH * error
-        decay = math.exp(-BANDWIDTH * seconds)
-        moved = (error + pull * seconds) * decay - error
-        velocity = (self.velocity - BANDWIDTH * pull * seconds) * decay
-        profile = self.get("Profile Velocity") * VELOCITY_UNIT
-        no_load = self.model.speed * 2 * math.pi / 60
-        fastest = TICKS_PER_RADIAN * (min(profile, no_load) if profile else no_load)
-        self.position += max(-fastest * seconds, min(fastest * seconds, moved))
-        self.velocity = max(-fastest, min(fastest, velocity))
-        return self._load(goal)
-
-    def _load(self, goal: float) -> float:
+        elif seconds:
+            # A joint that follows a ramp is 2 / BANDWIDTH behind it in the end.
+            ramp = (profile.position - start) / seconds
+            error = self.position - start + 2 * ramp / BANDWIDTH
+            pull = self.velocity - ramp + BANDWIDTH * error
+            decay = math.exp(-BANDWIDTH * seconds)
+            moved = ramp * seconds + (error + pull * seconds) * decay - error
+            velocity = ramp + (pull - BANDWIDTH * (error + pull * seconds)) * decay
+            fastest = TICKS_PER_RADIAN * self.model.speed * 2 * math.pi / 60
+            self.position += max(-fastest * seconds, min(fastest * seconds, moved))
+            self.velocity = max(-fastest, min(fastest, velocity))
         # The motor's voltage is the proportional gain times the position error (Position P Gain, 84).
-        drive = self.get("Position P Gain") / 128 * (goal - self.position) / self.get("PWM Limit")
+        drive = self.get("Position P Gain") / 128 * (profile.position - self.position) / self.get("PWM Limit")
         return max(-1.0, min(1.0, drive))
 
     def _protect(self) -> None:
@@ -231,7 +258,32 @@ class VirtualServo:
         self.set(
             "Moving", abs(self.velocity) > self.get("Moving Threshold") * VELOCITY_UNIT * TICKS_PER_RADIAN
         )
+        profile = self._profile
+        arrived = not profile.ongoing and round(self.position) == round(profile.position)
+        self.set("Moving Status", IN_POSITION * arrived | ONGOING * profile.ongoing | KIND * profile.kind)
+        self.set("Velocity Trajectory", round(profile.velocity / TICKS_PER_RADIAN / VELOCITY_UNIT))
+        self.set("Position Trajectory", round(profile.position) + self.homing)
         self.set("Realtime Tick", int(self._uptime * 1000) % 32768)
+
+    def _target(self, address: int) -> int:
+        """Where a byte really lies: an Indirect Data is where its Indirect Address says."""
+        pointer = self._pointers.get(address)
+        return address if pointer is None else int.from_bytes(self.memory[pointer : pointer + 2], "little")
+
+    def _add_indirect(self) -> None:
+        """Add all Indirect Addresses and Data to the table; the SDK lists the first of them."""
+        first, last, number = RAM, INDIRECT[-1][1] + INDIRECT[-1][2] - 1, 0
+        known = {item.address for item in self._table.values()}
+        for pointers, data, count in INDIRECT:
+            for at in range(count if pointers in known else 0):
+                number += 1
+                for name, address, size, limits in (
+                    (f"Indirect Address {number}", pointers + 2 * at, 2, (first, last)),
+                    (f"Indirect Data {number}", data + at, 1, (0, 255)),
+                ):
+                    self._table[name] = ControlTableItem(address, size)
+                    self._limits[name] = limits
+                self._pointers[data + at] = pointers + 2 * at
 
     def _switch_on(self, first_address: int) -> None:
         own = {
@@ -243,4 +295,7 @@ class VirtualServo:
         for name, item in self._table.items():
             if item.address >= first_address:
                 self.set(name, own.get(name, INITIAL.get(name, 0)))
+        for data, pointer in self._pointers.items():
+            if pointer >= first_address:  # at first, an Indirect Data is a byte of its own
+                self.memory[pointer : pointer + 2] = data.to_bytes(2, "little")
         self.advance(0.0)
