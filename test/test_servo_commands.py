@@ -258,7 +258,7 @@ def test_monitor_runs_until_ctrl_c():
         assert "overheating, off" in shown and "does not answer" in shown
 
 
-def test_servos_of_the_p_series_are_found_set_up_and_calibrated(capsys, typed):
+def test_servos_of_the_p_series_are_found_set_up_and_calibrated(capsys):
     limits = replace(ROBOT.limits, velocity=np.minimum(ROBOT.limits.velocity, 2.5))
     strong = tuple(replace(servo, model="PH54-100-S500") for servo in ROBOT.servos)
     robot = replace(ROBOT, servos=strong, limits=limits)
@@ -268,16 +268,17 @@ def test_servos_of_the_p_series_are_found_set_up_and_calibrated(capsys, typed):
         listed = [line.split()[2:4] for line in lines if line.startswith(wire.port)]
         assert listed == [[str(servo.id), servo.model] for servo in robot.servos]
         assert [line.split()[1] for line in lines if "two servos have this ID" in line] == ["14"]
-    with recorded_bus(robot) as wire, closing(Bus(wire.port, BAUDRATE, P)) as bus:
+    with recorded_bus(robot) as wire:
         servo, virtual = robot.servos[3], wire.servos[14]
-        apply(bus, servo, inspect(bus, robot, servo).changes)
-        assert inspect(bus, robot, servo).changes == ()
-        degree = 1_003_846 / 360
-        assert virtual.get("Min Position Limit") == pytest.approx(-(135 + 5) * degree, abs=2 * degree)
-        virtual.position += 20 * degree
-        state = read_states(bus, robot)[3]
-        assert state.position == pytest.approx(read_angle(bus, servo), abs=1e-4) and state.voltage == 24
-        calibrate(bus, robot, servo)
-        assert read_angle(bus, servo) == pytest.approx(servo.mark, abs=1e-4)
+        with closing(Bus(wire.port, BAUDRATE, P)) as bus:
+            apply(bus, servo, inspect(bus, robot, servo).changes)
+            assert inspect(bus, robot, servo).changes == ()
+            degree = 1_003_846 / 360
+            assert virtual.get("Min Position Limit") == pytest.approx(-(np.degrees(2.5) + 5) * degree, abs=2)
+            virtual.position += 20 * degree
+            state = read_states(bus, robot)[3]
+            assert state.position == pytest.approx(read_angle(bus, servo), abs=1e-4) and state.voltage == 24
+            calibrate(bus, robot, servo)
+            assert read_angle(bus, servo) == pytest.approx(servo.mark, abs=1e-4)
         assert servos("id", 14, 114, "--port", wire.port, "--baudrate", BAUDRATE) == 0
         assert wire.servos[114] is virtual
