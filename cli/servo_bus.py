@@ -12,6 +12,7 @@ from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.scan import only_port
 from gesture_bot.servo.settings import with_torque
+from gesture_bot.servo.table import series_of
 
 
 @contextmanager
@@ -22,7 +23,7 @@ def open_robot(options: argparse.Namespace) -> Iterator[tuple[Robot, Bus]]:
         GestureBotError: There is no such robot or port, or the port cannot be opened.
     """
     robot = load_robot(options.robot)
-    with closing(Bus(options.port or only_port(), robot.bus.baudrate)) as bus:
+    with closing(Bus(options.port or only_port(), robot.bus.baudrate, series_of(robot))) as bus:
         yield robot, bus
 
 

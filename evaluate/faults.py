@@ -10,9 +10,9 @@ from gesture_bot.base.errors import BusError, InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.driver import Driver
-from gesture_bot.servo.models import CENTRE, TICKS_PER_RADIAN
 from gesture_bot.servo.simulated_line import SimulatedLine, SimulatedPort
 from gesture_bot.servo.status import Status
+from gesture_bot.servo.table import ServoTable
 from gesture_bot.servo.virtual_bus import servo_specs
 from gesture_bot.servo.virtual_servo import VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
@@ -88,9 +88,7 @@ class Trial:
     def angles(self) -> np.ndarray:
         """(j,) where the joints really are [rad]."""
         ticks = np.array([servo.position for servo in self.servos])
-        direction = np.array([row.direction for row in self.robot.servos])
-        offset = np.array([row.offset for row in self.robot.servos])
-        return direction * ((ticks - CENTRE) / TICKS_PER_RADIAN - offset)
+        return ServoTable(self.robot).positions(ticks)
 
     def planned(self) -> np.ndarray:
         """(j,) where they should be [rad]."""
@@ -190,7 +188,7 @@ def _plug_cable(trial: Trial) -> None:
 
 def _push(trial: Trial) -> None:
     servo = trial.servos[FAULTY]
-    servo.position += 0.4 * TICKS_PER_RADIAN
+    servo.position += 0.4 * servo.model.ticks_per_radian
     servo.stuck = True
 
 

@@ -4,7 +4,7 @@ from contextlib import closing
 
 from gesture_bot.base.errors import BusError, InvalidValueError
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.models import BAUD_RATES
+from gesture_bot.servo.models import BAUD_RATES, series_with
 from gesture_bot.servo.scan import LIKELY, SHARED
 
 LARGEST_ID = 252
@@ -33,15 +33,17 @@ def check_free(bus: Bus, servo_id: int) -> None:
 
 
 def check_alone(bus: Bus, servo_id: int) -> None:
-    """See that one servo, and no more, answers to an ID.
+    """See that one servo, and no more, answers to an ID, and speak to its series from now on.
 
     Raises:
         BusError: None does, or its answers are damaged, as those of two are.
     """
-    if bus.ping(servo_id) is None and servo_id not in (found := bus.scan()):
+    number = bus.ping(servo_id)
+    if number is None and servo_id not in (found := bus.scan()):
         raise BusError(f"no servo answers on {bus.port} at ID", servo_id, found or ["no servo at all"])
     if not bus.is_clear(servo_id):
         raise BusError(f"servo {servo_id} on {bus.port}: {SHARED}")
+    bus.registers = series_with(number).registers
 
 
 def change_id(bus: Bus, old: int, new: int) -> None:

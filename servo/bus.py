@@ -21,7 +21,7 @@ from serial.tools.list_ports import comports
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.servo.latency_timer import shorten
-from gesture_bot.servo.models import REGISTERS
+from gesture_bot.servo.models import Series, X, series_with
 
 READ_WAIT = 0.002
 """How long a read of the port sleeps for bytes to come [s]."""
@@ -165,9 +165,11 @@ class Bus:
     Args:
         port: Path of the serial port, or a port of another kind.
         baudrate: Symbols a second [bit/s].
+        series: Of the servos: says where the registers are that have names.
 
     Attributes:
         port: Path of the serial port.
+        registers: Address and size by name.
         clock: Tells the time.
 
     Raises:
@@ -175,8 +177,9 @@ class Bus:
         PortError: The port vanishes; from all methods.
     """
 
-    def __init__(self, port: str | Port, baudrate: int):
+    def __init__(self, port: str | Port, baudrate: int, series: Series = X):
         self._port = Port(port) if isinstance(port, str) else port
+        self.registers = series.registers
         self.port: str = self._port.port_name
         self.clock = self._port.clock
         self._port.reply_wait = PATIENT_WAIT
@@ -215,7 +218,7 @@ class Bus:
         """Model Number (0) of a servo, or None when none with this ID answers."""
         # Not by a ping: the SDK would take a late answer to something else for the one to it.
         for _ in range(ATTEMPTS):
-            if data := self.try_read(servo_id, REGISTERS["Model Number"].address, IDENTITY_SIZE):
+            if data := self.try_read(servo_id, self.registers["Model Number"].address, IDENTITY_SIZE):
                 return int.from_bytes(data[:2], "little")
         return None
 
@@ -232,8 +235,9 @@ class Bus:
 
         Where two servos have one ID, both speak at once, and what they say differs: their clocks (120) do.
         """
-        address = REGISTERS["Realtime Tick"].address
-        size = REGISTERS["Present Temperature"].address + 1 - address
+        registers = series_with(self.ping(servo_id)).registers
+        address = registers["Realtime Tick"].address
+        size = registers["Present Temperature"].address + 1 - address
         return any(self.try_read(servo_id, address, size) for _ in range(ATTEMPTS))
 
     def read(self, servo_id: int, name: str) -> int:
@@ -242,7 +246,7 @@ class Bus:
         Raises:
             BusError: The servo does not answer.
         """
-        item = REGISTERS[name]
+        item = self.registers[name]
         return int.from_bytes(self.read_bytes(servo_id, item.address, item.size), "little")
 
     def read_bytes(self, servo_id: int, address: int, size: int) -> bytes:
@@ -272,7 +276,7 @@ class Bus:
         Raises:
             BusError: The servo does not answer, or refuses the value.
         """
-        item = REGISTERS[name]
+        item = self.registers[name]
         data = _bytes(value, item.size)
         with self._port_errors():
             for _ in range(ATTEMPTS):
@@ -288,7 +292,7 @@ class Bus:
 
     def sync_write(self, name: str, values: Mapping[int, int]) -> None:
         """Set a register of several servos, by ID, with one packet that nobody answers."""
-        item = REGISTERS[name]
+        item = self.registers[name]
         group = GroupSyncWrite(self._port, self._sdk, item.address, item.size)
         for servo_id, value in values.items():
             group.addParam(servo_id, _bytes(value, item.size))
@@ -297,7 +301,7 @@ class Bus:
 
     def set_all(self, ids: Iterable[int], name: str, value: int) -> None:
         """Set a register of several servos to one value, again until all confirm it or the attempts end."""
-        item, ids = REGISTERS[name], list(ids)
+        item, ids = self.registers[name], list(ids)
         if not ids:
             return
         for _ in range(ATTEMPTS):

@@ -12,8 +12,8 @@ from gesture_bot.base.errors import FileFormatError, RobotError
 from gesture_bot.base.files import state_dir, write_whole
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.models import CENTRE, HOMING_RANGE, TICKS_PER_RADIAN, signed
-from gesture_bot.servo.settings import TURN, fits_turn, read_homing
+from gesture_bot.servo.models import find_model, signed
+from gesture_bot.servo.settings import fits_turn, read_homing
 from gesture_bot.servo.table import joint_angle
 
 SAMPLES, INTERVAL = 10, 0.03
@@ -21,8 +21,8 @@ SAMPLES, INTERVAL = 10, 0.03
 
 NOT_THERE = "is it at its mark? If so"
 
-STILL = 8
-"""How far it may move meanwhile [ticks], 0.7 degrees."""
+STILL = math.radians(0.7)
+"""How far it may move meanwhile [rad]."""
 
 
 def read_angle(bus: Bus, servo: ServoEntry) -> float:
@@ -45,7 +45,7 @@ def calibrate(bus: Bus, robot: Robot, servo: ServoEntry) -> tuple[int, int]:
         BusError: The servo does not answer, or refuses.
     """
     before = read_homing(bus, servo.id)
-    counted = before if abs(before) <= HOMING_RANGE else 0
+    counted = before if abs(before) <= find_model(servo.model).homing_range else 0
     after = _homing(robot, servo, _still_position(bus, servo) - counted)
     if after != before:
         bus.write(servo.id, "Homing Offset", after)
@@ -84,7 +84,7 @@ def _still_position(bus: Bus, servo: ServoEntry) -> int:
     for _ in range(SAMPLES):
         positions.append(signed(bus.read(servo.id, "Present Position"), 4))
         time.sleep(INTERVAL)
-    if np.ptp(positions) > STILL:
+    if np.ptp(positions) > STILL * find_model(servo.model).ticks_per_radian:
         raise RobotError(f"{servo.joint} moves: hold it still")
     return round(float(np.median(positions)))
 
@@ -94,18 +94,18 @@ def _homing(robot: Robot, servo: ServoEntry, encoder: int) -> int:
 
     Moved by hand, the encoder counts on beyond its turn; when torque comes on, it is back within.
     """
-    encoder %= TURN + 1
-    at_mark = round(CENTRE + TICKS_PER_RADIAN * (servo.direction * servo.mark + servo.offset))
+    model = find_model(servo.model)
+    encoder = (encoder - model.first) % model.turn + model.first
+    at_mark = model.ticks(servo.direction * servo.mark + servo.offset)
     homing = at_mark - encoder
-    off = (
-        f"{servo.joint} is {math.degrees(homing / TICKS_PER_RADIAN):+.0f} deg from where its servo should be"
-    )
+    degrees = math.degrees(homing / model.ticks_per_radian)
+    off = f"{servo.joint} is {degrees:+.0f} deg from where its servo should be"
     if not fits_turn(robot, servo, homing):
         raise RobotError(
             f"{off}, and would pass the end of the servo's turn: {NOT_THERE}, mount its horn anew"
         )
-    if abs(homing) > HOMING_RANGE:
-        offset = (encoder - CENTRE) / TICKS_PER_RADIAN - servo.direction * servo.mark
+    if abs(homing) > model.homing_range:
+        offset = (encoder - model.centre) / model.ticks_per_radian - servo.direction * servo.mark
         raise RobotError(f"{off}, beyond 90: {NOT_THERE}, set its offset in the robot's file to {offset:.3f}")
     return homing
 

@@ -15,7 +15,7 @@ from gesture_bot.servo.models import WATCHDOG_UNIT
 from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.status import Feedback, Status
-from gesture_bot.servo.table import ServoTable
+from gesture_bot.servo.table import ServoTable, series_of
 from gesture_bot.servo.trajectories import Overlay, coast, ease, easing_time
 from gesture_bot.servo.upkeep import NO_ANSWER, RELAXED, Upkeep
 
@@ -65,7 +65,7 @@ class Driver:
         clock: Tells the time; on a simulated bus, the simulated time.
 
     Raises:
-        RobotError: The robot's servo table names an unknown model.
+        RobotError: The robot's servo table names an unknown model, or models of several series.
     """
 
     def __init__(self, robot: Robot, port: str | Port, rate_hz: float = 100.0):
@@ -77,6 +77,7 @@ class Driver:
         self.clock = self._port.clock
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
+        self._series = series_of(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
         self._lag = robot.bus.lag_ms / 1000
@@ -98,7 +99,7 @@ class Driver:
         Raises:
             BusError: The port cannot be opened; a servo is missing, of another model, or not well.
         """
-        bus = Bus(self._port, self._robot.bus.baudrate)
+        bus = Bus(self._port, self._robot.bus.baudrate, self._series)
         self.status.latency_timer = bus.latency_timer
         try:
             check_servos(bus, self._robot)

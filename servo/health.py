@@ -6,12 +6,8 @@ import numpy as np
 
 from gesture_bot.retarget.description import Bus as BusDescription
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.models import REGISTERS, WATCHDOG_ERROR, Model, signed
+from gesture_bot.servo.models import WATCHDOG_ERROR, Model, signed
 from gesture_bot.servo.preparation import hardware_errors
-
-HEALTH_ADDRESS = REGISTERS["Torque Enable"].address
-HEALTH_SIZE = REGISTERS["Present Temperature"].address + 1 - HEALTH_ADDRESS
-"""One read covers torque, hardware errors, Bus Watchdog, load, voltage and temperature."""
 
 SLOWEST = 0.3
 """Share of its velocity limit at which the joint of a servo moves that is nearly hot."""
@@ -49,13 +45,15 @@ class Health:
 
 def read_health(bus: Bus, servo_id: int, model: Model) -> Health | None:
     """Ask a servo once how it is; None when it does not answer."""
-    data = bus.try_read(servo_id, HEALTH_ADDRESS, HEALTH_SIZE)
+    # One read covers torque, hardware errors, Bus Watchdog, load, voltage and temperature.
+    first = bus.registers["Torque Enable"].address
+    data = bus.try_read(servo_id, first, bus.registers["Present Temperature"].address + 1 - first)
     if not data:
         return None
 
     def register(name: str) -> int:
-        item = REGISTERS[name]
-        start = item.address - HEALTH_ADDRESS
+        item = bus.registers[name]
+        start = item.address - first
         return int.from_bytes(data[start : start + item.size], "little")
 
     return Health(

@@ -6,7 +6,7 @@ import numpy as np
 
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.models import REGISTERS, find_model
+from gesture_bot.servo.models import X, find_model
 from gesture_bot.servo.preparation import hardware_errors
 from gesture_bot.servo.table import joint_angle
 
@@ -15,16 +15,14 @@ FIELDS = {
     "Present Input Voltage": "<u2", "Present Temperature": "u1",
 }  # fmt: skip
 
-ADDRESS = REGISTERS["Torque Enable"].address
-
 RECORD = np.dtype(
     {
         "names": list(FIELDS),
         "formats": list(FIELDS.values()),
-        "offsets": [REGISTERS[name].address - ADDRESS for name in FIELDS],
+        "offsets": [X.registers[name].address - X.registers["Torque Enable"].address for name in FIELDS],
     }
 )
-"""All of it lies within 83 bytes, from Torque Enable (64) on."""
+"""All of it lies within 83 bytes, from Torque Enable (64) on; so it does in the P series, from 512 on."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +55,10 @@ def read_states(bus: Bus, robot: Robot) -> list[ServoState | None]:
         BusError: The port has vanished.
     """
     ids = [servo.id for servo in robot.servos]
-    answers = bus.sync_read(ids, ADDRESS, RECORD.itemsize, fast=False)
+    address = bus.registers["Torque Enable"].address
+    answers = bus.sync_read(ids, address, RECORD.itemsize, fast=False)
     missing = [servo_id for servo_id in ids if servo_id not in answers]
-    answers |= {servo_id: bus.try_read(servo_id, ADDRESS, RECORD.itemsize) for servo_id in missing}
+    answers |= {servo_id: bus.try_read(servo_id, address, RECORD.itemsize) for servo_id in missing}
     return [_state(robot, joint, answers[servo_id]) for joint, servo_id in enumerate(ids)]
 
 

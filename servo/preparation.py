@@ -11,13 +11,11 @@ from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.models import (
     HARDWARE_ERRORS,
     POSITION_MODE,
-    REGISTERS,
-    VELOCITY_UNIT,
     find_model,
     model_name,
 )
 from gesture_bot.servo.scan import SHARED
-from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
+from gesture_bot.servo.table import PRESENT, ServoTable
 
 SETTINGS = {"Operating Mode": POSITION_MODE, "Drive Mode": 0, "Return Delay Time": 0}
 """EEPROM registers: position control, forward, profiles in velocities, answers at once."""
@@ -87,7 +85,7 @@ def setting_up(bus: Bus, robot: Robot, servo: ServoEntry) -> Iterator[None]:
     table = ServoTable(robot)
     ends = sorted((table.ticks(robot.limits.lower)[joint], table.ticks(robot.limits.upper)[joint]))
     # The two lie side by side.
-    limits = bus.read_bytes(servo.id, REGISTERS["Max Position Limit"].address, 8)
+    limits = bus.read_bytes(servo.id, bus.registers["Max Position Limit"].address, 8)
     highest, lowest = np.frombuffer(limits, "<i4")
     if not lowest <= ends[0] <= ends[1] <= highest:
         raise BusError(
@@ -98,10 +96,12 @@ def setting_up(bus: Bus, robot: Robot, servo: ServoEntry) -> Iterator[None]:
     yield
     bus.write(servo.id, "Profile Acceleration", 0)
     yield
-    bus.write(servo.id, "Profile Velocity", math.ceil(robot.limits.velocity[joint] / VELOCITY_UNIT))
+    unit = find_model(servo.model).series.velocity_unit
+    bus.write(servo.id, "Profile Velocity", math.ceil(robot.limits.velocity[joint] / unit))
     yield
     # A limp joint may be moving: its goal is as fresh as can be. Nothing else is read in so many bytes, so
     # that no late answer to another question is taken for where the joint is.
-    present = np.frombuffer(bus.read_bytes(servo.id, PRESENT_ADDRESS, PRESENT.itemsize), PRESENT)
+    address = bus.registers["Present Load"].address
+    present = np.frombuffer(bus.read_bytes(servo.id, address, PRESENT.itemsize), PRESENT)
     bus.write(servo.id, "Goal Position", int(present["position"][0]))
     bus.write(servo.id, "Torque Enable", 1)

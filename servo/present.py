@@ -6,7 +6,7 @@ import numpy as np
 
 from gesture_bot.base.errors import BusError
 from gesture_bot.servo.bus import ATTEMPTS, Bus
-from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS
+from gesture_bot.servo.table import PRESENT
 
 SILENT_AFTER = 8
 """A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
@@ -58,12 +58,13 @@ class PresentReader:
         self.failures = 0
         self._bus = bus
         self._ids = ids
+        self._address = bus.registers["Present Load"].address
         self._missed = dict.fromkeys(ids, 0)
         self._took: deque[float] = deque(maxlen=_LATELY)
         self._plain = 0
         self._turn = 0
         # Firmware without Fast Sync Read leaves the question without an answer.
-        self._fast = any(bus.sync_read(ids, PRESENT_ADDRESS, PRESENT.itemsize, fast=True) for _ in range(2))
+        self._fast = any(bus.sync_read(ids, self._address, PRESENT.itemsize, fast=True) for _ in range(2))
 
     @property
     def silent(self) -> list[int]:
@@ -76,7 +77,7 @@ class PresentReader:
         together = [servo_id for servo_id in asked if self._missed[servo_id] < ALONE_AFTER]
         fast = self._fast and not self._plain
         self._plain = max(self._plain - 1, 0)
-        answers = self._bus.sync_read(together, PRESENT_ADDRESS, PRESENT.itemsize, fast)
+        answers = self._bus.sync_read(together, self._address, PRESENT.itemsize, fast)
         self.read_at = self._bus.asked_at
         missing = self._in_turn(set(asked) - set(answers))
         if missing:
@@ -86,7 +87,7 @@ class PresentReader:
             for servo_id in missing:
                 if self._bus.clock.monotonic() > until:
                     break
-                if data := self._bus.try_read(servo_id, PRESENT_ADDRESS, PRESENT.itemsize):
+                if data := self._bus.try_read(servo_id, self._address, PRESENT.itemsize):
                     answers[servo_id] = data
         self.fresh[:] = [servo_id in answers for servo_id in self._ids]
         for servo_id in asked:

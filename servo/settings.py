@@ -7,15 +7,7 @@ from dataclasses import dataclass
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
-from gesture_bot.servo.models import (
-    HOMING_RANGE,
-    REGISTERS,
-    TICKS_PER_RADIAN,
-    VELOCITY_UNIT,
-    find_model,
-    model_name,
-    signed,
-)
+from gesture_bot.servo.models import find_model, model_name, signed
 from gesture_bot.servo.preparation import SETTINGS, hardware_errors
 from gesture_bot.servo.scan import SHARED
 from gesture_bot.servo.table import ServoTable
@@ -28,15 +20,9 @@ SHUTDOWN = 1 << 2 | 1 << 4 | 1 << 5
 NO_SECOND_ID = 253
 """Secondary(Shadow) ID (12): from here on, there is none."""
 
-WATCHDOG_FIRMWARE = 38
-"""The first firmware with Bus Watchdog (98)."""
-
 MARGIN = math.radians(5.0)
 """Position limits lie so far outside the joint's range [rad]: a joint that hangs against its stop may stand a
 little beyond it, and the goal must be there when torque comes on."""
-
-TURN = 4095
-"""Last position of the turn that position control has [ticks]."""
 
 
 @dataclass(frozen=True)
@@ -80,22 +66,24 @@ def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
     if not bus.is_clear(servo.id):
         return Inspection(servo, problems=(SHARED if servo.id in bus.scan() else SILENT,))
     number, firmware = bus.read(servo.id, "Model Number"), bus.read(servo.id, "Firmware Version")
-    if number != find_model(servo.model).number:
+    model = find_model(servo.model)
+    if number != model.number:
         return Inspection(servo, firmware, problems=(f"is of the model {model_name(number)}",))
     problems = [f"reports {error}" for error in hardware_errors(bus.read(servo.id, "Hardware Error Status"))]
-    if firmware < WATCHDOG_FIRMWARE:
-        problems.append(f"has no watchdog: it comes with firmware {WATCHDOG_FIRMWARE}. Update it")
+    if firmware < (needed := model.series.watchdog_firmware):
+        problems.append(f"has no watchdog: it comes with firmware {needed}. Update it")
     homing = read_homing(bus, servo.id)
-    if abs(homing) > HOMING_RANGE:
-        problems.append(f"ignores its Homing Offset of {homing}, more than {HOMING_RANGE}: calibrate it")
+    if abs(homing) > (most := model.homing_range):
+        problems.append(f"ignores its Homing Offset of {homing}, more than {most}: calibrate it")
     lowest, highest = joint_ends(robot, servo)
-    if lowest < 0 or highest > TURN:
-        problems.append(f"turns from 0 to {TURN}; the joint needs {lowest} to {highest}: change its offset")
+    if lowest < model.first or highest > model.last:
+        turns = f"turns from {model.first} to {model.last}"
+        problems.append(f"{turns}; the joint needs {lowest} to {highest}: change its offset")
     elif not fits_turn(robot, servo, homing):
         problems.append(f"passes the end of its turn within the joint's range, at Homing Offset {homing}")
     changes = []
     for register, wanted in _wanted(bus, robot, servo).items():
-        value = bus.read(servo.id, register)
+        value = _read(bus, servo.id, register)
         if value != wanted:
             changes.append(Change(register, value, wanted))
     return Inspection(servo, firmware, tuple(changes), tuple(problems))
@@ -109,7 +97,7 @@ def apply(bus: Bus, servo: ServoEntry, changes: Iterable[Change]) -> None:
     """
     for change in changes:
         bus.write(servo.id, change.register, change.wanted)
-        if (value := bus.read(servo.id, change.register)) != change.wanted:
+        if (value := _read(bus, servo.id, change.register)) != change.wanted:
             raise BusError(f"servo {servo.id} of {servo.joint} keeps {change.register} at", value)
 
 
@@ -118,7 +106,7 @@ def with_torque(bus: Bus, ids: Iterable[int]) -> list[int]:
 
     While torque is on, the EEPROM registers (below 64) cannot be written.
     """
-    torque = REGISTERS["Torque Enable"]
+    torque = bus.registers["Torque Enable"]
     return [servo_id for servo_id in ids if any(bus.try_read(servo_id, torque.address, torque.size))]
 
 
@@ -128,7 +116,7 @@ def read_homing(bus: Bus, servo_id: int) -> int:
     Raises:
         BusError: It does not answer.
     """
-    return signed(bus.read(servo_id, "Homing Offset"), REGISTERS["Homing Offset"].size)
+    return _read(bus, servo_id, "Homing Offset")
 
 
 def joint_ends(robot: Robot, servo: ServoEntry) -> tuple[int, int]:
@@ -145,19 +133,28 @@ def fits_turn(robot: Robot, servo: ServoEntry, homing: int) -> bool:
     Otherwise, where the servo is switched on beyond the end, its position is a turn off.
     """
     lowest, highest = joint_ends(robot, servo)
-    return homing <= lowest and highest - homing <= TURN
+    model = find_model(servo.model)
+    return model.first <= lowest - homing and highest - homing <= model.last
+
+
+def _read(bus: Bus, servo_id: int, register: str) -> int:
+    """A register's value; those of four bytes are signed."""
+    value, size = bus.read(servo_id, register), bus.registers[register].size
+    return signed(value, size) if size == 4 else value
 
 
 def _wanted(bus: Bus, robot: Robot, servo: ServoEntry) -> dict[str, int]:
     """What the registers of a servo should hold."""
     lowest, highest = joint_ends(robot, servo)
-    margin = round(MARGIN * TICKS_PER_RADIAN)
-    fastest = math.ceil(robot.limits.velocity[robot.joints.index(servo.joint)] / VELOCITY_UNIT)
+    model = find_model(servo.model)
+    margin = round(MARGIN * model.ticks_per_radian)
+    velocity = robot.limits.velocity[robot.joints.index(servo.joint)]
+    fastest = math.ceil(velocity / model.series.velocity_unit)
     return {
         **SETTINGS,
         "Secondary(Shadow) ID": max(bus.read(servo.id, "Secondary(Shadow) ID"), NO_SECOND_ID),
         "Shutdown": bus.read(servo.id, "Shutdown") | SHUTDOWN,
         "Velocity Limit": max(bus.read(servo.id, "Velocity Limit"), fastest),
-        "Min Position Limit": min(max(lowest - margin, 0), TURN),
-        "Max Position Limit": max(min(highest + margin, TURN), 0),
+        "Min Position Limit": min(max(lowest - margin, model.first), model.last),
+        "Max Position Limit": max(min(highest + margin, model.last), model.first),
     }

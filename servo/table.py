@@ -4,13 +4,24 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gesture_bot.base.errors import RobotError
 from gesture_bot.retarget.robot import Robot, ServoEntry
-from gesture_bot.servo.models import CENTRE, REGISTERS, TICKS_PER_RADIAN, VELOCITY_UNIT, find_model
+from gesture_bot.servo.models import Series, find_model
 
 PRESENT = np.dtype([("effort", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
 """Present Current or Load (126), Present Velocity (128) and Present Position (132) lie side by side."""
 
-PRESENT_ADDRESS = REGISTERS["Present Load"].address
+
+def series_of(robot: Robot) -> Series:
+    """The series of a robot's servos: those on one bus share their packets, and so their addresses.
+
+    Raises:
+        RobotError: The table names an unknown model, or models of several series.
+    """
+    series = {find_model(servo.model).series for servo in robot.servos}
+    if len(series) > 1:
+        raise RobotError("servos of one bus must be of one series", sorted(one.name for one in series))
+    return series.pop()
 
 
 class ServoTable:
@@ -27,12 +38,20 @@ class ServoTable:
         self.ids = [servo.id for servo in robot.servos]
         self._direction = np.array([servo.direction for servo in robot.servos], float)
         self._offset = np.array([servo.offset for servo in robot.servos])
-        self._effort_unit = np.array([find_model(servo.model).effort_unit for servo in robot.servos])
+        models = [find_model(servo.model) for servo in robot.servos]
+        self._centre = np.array([model.centre for model in models])
+        self._scale = np.array([model.ticks_per_radian for model in models])
+        self._velocity_unit = np.array([model.series.velocity_unit for model in models])
+        self._effort_unit = np.array([model.effort_unit for model in models])
 
     def ticks(self, positions: np.ndarray) -> np.ndarray:
         """Joint positions [rad] as servo positions [ticks]: (..., j) -> (..., j) int."""
         angles = self._direction * positions + self._offset
-        return np.rint(CENTRE + TICKS_PER_RADIAN * angles).astype(int)
+        return np.rint(self._centre + self._scale * angles).astype(int)
+
+    def positions(self, ticks: np.ndarray) -> np.ndarray:
+        """Servo positions [ticks] as joint positions [rad]: (..., j) -> (..., j)."""
+        return self._direction * ((ticks - self._centre) / self._scale - self._offset)
 
     def by_id(self, ticks: np.ndarray) -> Mapping[int, int]:
         """One row of numbers, keyed by ID."""
@@ -40,12 +59,12 @@ class ServoTable:
 
     def joint_state(self, present: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(j,) PRESENT records as joint positions [rad], velocities [rad/s] and efforts [N m]."""
-        angles = (present["position"] - CENTRE) / TICKS_PER_RADIAN
-        positions = self._direction * (angles - self._offset)
-        velocities = self._direction * present["velocity"] * VELOCITY_UNIT
-        return positions, velocities, self._direction * present["effort"] * self._effort_unit
+        velocities = self._direction * present["velocity"] * self._velocity_unit
+        efforts = self._direction * present["effort"] * self._effort_unit
+        return self.positions(present["position"]), velocities, efforts
 
 
 def joint_angle(servo: ServoEntry, ticks: int) -> float:
     """Angle of a joint [rad] where its servo is at a position [ticks]."""
-    return servo.direction * ((ticks - CENTRE) / TICKS_PER_RADIAN - servo.offset)
+    model = find_model(servo.model)
+    return servo.direction * ((ticks - model.centre) / model.ticks_per_radian - servo.offset)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from gesture_bot.base.errors import BusError, GestureBotError, RobotError
 from gesture_bot.servo.fault_words import read_faults, set_faults
-from gesture_bot.servo.models import BAUD_RATES, CENTRE, TICKS_PER_RADIAN, find_model
+from gesture_bot.servo.models import BAUD_RATES, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
 
@@ -47,15 +47,13 @@ def servo_specs(robot: "Robot") -> list[ServoSpec]:
     Raises:
         RobotError: A servo is of an unknown model, or the bus has a baud rate that no servo knows.
     """
-    for row in robot.servos:
-        find_model(row.model)
     if robot.bus.baudrate not in BAUD_RATES.values():
         raise RobotError("no servo speaks at this baud rate", robot.bus.baudrate, BAUD_RATES.values())
     return [
         ServoSpec(
             row.id,
             row.model,
-            round(CENTRE + TICKS_PER_RADIAN * (row.direction * angle + row.offset)),
+            find_model(row.model).ticks(row.direction * angle + row.offset),
             robot.bus.baudrate,
         )
         for row, angle in zip(robot.servos, robot.rest, strict=True)

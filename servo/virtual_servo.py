@@ -1,32 +1,28 @@
-"""One virtual servo: its control table by the e-Manual's rules, and the joint that it turns."""
+"""One virtual servo: its control table, and the joint that it turns."""
 
 import math
 from dataclasses import dataclass
 
-from dynamixel_sdk.protocol2_packet_handler import (
-    ERRNUM_ACCESS,
-    ERRNUM_DATA_LENGTH,
-    ERRNUM_DATA_LIMIT,
-    ERRNUM_DATA_RANGE,
-)
-
 from gesture_bot.servo.models import (
     BAUD_RATES,
-    CENTRE,
-    HOMING_RANGE,
     POSITION_MODE,
-    TICKS_PER_RADIAN,
-    VELOCITY_UNIT,
+    RPM,
     WATCHDOG_ERROR,
     WATCHDOG_UNIT,
     find_model,
 )
-
-RAM = 64
-"""Registers below this address are EEPROM: they can be written only while torque is off."""
+from gesture_bot.servo.virtual_profile import Profile
+from gesture_bot.servo.virtual_table import INITIAL, VirtualTable
 
 BANDWIDTH = 60.0
 """Natural frequency of the critically damped joint [rad/s]; it follows a moving goal 2 / 60 s behind."""
+
+STIFFNESS = 640 / 128 / 885 * 4096 / (2 * math.pi)
+"""Share of the full voltage for an error of 1 rad, at the initial Position P Gain (84). So it is in an
+XL430-W250. The e-Manual does not tell the scale of the gain of the P series."""
+
+IN_POSITION, ONGOING, KIND = 1 << 0, 1 << 1, 1 << 4
+"""Bits of Moving Status (123), and the place of the profile's type."""
 
 ROOM = 25.0
 """Temperature of the room [degC]."""
@@ -35,35 +31,8 @@ FULL_LOAD_HEATING = 40.0
 """A servo at full load ends this much warmer than the room [K], with the time constant HEATING_TIME [s]."""
 HEATING_TIME = 120.0
 
-WRITABLE = {
-    "ID": (0, 252), "Baud Rate": (0, 7), "Return Delay Time": (0, 254), "Drive Mode": (0, 13),
-    "Operating Mode": (0, 16), "Secondary(Shadow) ID": (0, 255), "Homing Offset": (-1044479, 1044479),
-    "Moving Threshold": (0, 1023), "Temperature Limit": (0, 100), "Max Voltage Limit": (31, 160),
-    "Min Voltage Limit": (31, 160), "PWM Limit": (0, 885), "Current Limit": (0, 2047),
-    "Velocity Limit": (0, 2047), "Max Position Limit": (0, 4095), "Min Position Limit": (0, 4095),
-    "Shutdown": (0, 255), "Torque Enable": (0, 1), "LED": (0, 1), "Status Return Level": (0, 2),
-    "Velocity I Gain": (0, 16383), "Velocity P Gain": (0, 16383), "Position D Gain": (0, 16383),
-    "Position I Gain": (0, 16383), "Position P Gain": (0, 16383), "Feedforward 2nd Gain": (0, 16383),
-    "Feedforward 1st Gain": (0, 16383), "Bus Watchdog": (0, 127), "Goal PWM": (-885, 885),
-    "Goal Current": (-2047, 2047), "Goal Velocity": (-2047, 2047), "Profile Acceleration": (0, 32767),
-    "Profile Velocity": (0, 32767), "Goal Position": (-1048575, 1048575),
-}  # fmt: skip
-"""Smallest and largest value that each writable register takes in any model; all others are read-only."""
-
-INITIAL = {
-    "Firmware Version": 48, "Baud Rate": 3, "Return Delay Time": 250, "Operating Mode": POSITION_MODE,
-    "Secondary(Shadow) ID": 255, "Protocol Type": 2, "Moving Threshold": 10, "Temperature Limit": 72,
-    "Max Voltage Limit": 140, "Min Voltage Limit": 60, "PWM Limit": 885, "Current Limit": 1193,
-    "Max Position Limit": 4095, "Shutdown": 52, "Status Return Level": 2, "Velocity I Gain": 1000,
-    "Velocity P Gain": 100, "Position P Gain": 640, "Goal PWM": 885, "Goal Current": 1193,
-}  # fmt: skip
-"""What any virtual servo holds at first, where that is not zero: the e-Manual's values for an XL430-W250, but
-for the baud rate and the current limit."""
-
 OVERHEATING = 1 << 2
 """Bit of Hardware Error Status (70)."""
-
-GOALS = ("Goal PWM", "Goal Current", "Goal Velocity", "Goal Position")
 
 
 @dataclass(frozen=True)
@@ -72,17 +41,17 @@ class ServoSpec:
 
     id: int
     model: str
-    ticks: int = CENTRE
+    ticks: int = 2048
     baudrate: int = BAUD_RATES[INITIAL["Baud Rate"]]
 
 
-class VirtualServo:
-    """A servo whose joint follows Goal Position as a critically damped second-order system.
+class VirtualServo(VirtualTable):
+    """A servo whose joint follows its profile as a critically damped second-order system.
 
-    It moves while torque is on, in position mode, no faster than Profile Velocity and the no-load speed.
+    It moves while torque is on, in position mode, no faster than the no-load speed. The profile leads to Goal
+    Position, by Profile Velocity and Profile Acceleration; it is always velocity-based.
 
     Attributes:
-        memory: The control table, byte by byte.
         position: Where the joint is [ticks], not counting Homing Offset.
         velocity: How fast it turns [ticks/s].
         temperature: [degC].
@@ -91,10 +60,7 @@ class VirtualServo:
     """
 
     def __init__(self, spec: ServoSpec):
-        self.model = find_model(spec.model)
-        self.memory = bytearray(1024)
-        self._table = self.model.table
-        self._names = {item.address: name for name, item in self._table.items() if name in WRITABLE}
+        super().__init__(find_model(spec.model))
         self.position = float(spec.ticks)
         self.velocity = 0.0
         self.temperature = ROOM
@@ -102,6 +68,8 @@ class VirtualServo:
         self.stuck = False
         self._silence = 0.0
         self._uptime = 0.0
+        self._profile = Profile(self.position)
+        self._new_goal = True
         self._switch_on(first_address=0)
         self.set("ID", spec.id)
         self.set("Baud Rate", next(value for value, rate in BAUD_RATES.items() if rate == spec.baudrate))
@@ -111,62 +79,19 @@ class VirtualServo:
         """At what speed it hears and speaks [bit/s]."""
         return BAUD_RATES[self.get("Baud Rate")]
 
-    @property
-    def homing(self) -> int:
-        """What is added to the position in all registers [ticks]; too large an offset is ignored."""
-        offset = self.get("Homing Offset")
-        return offset if abs(offset) <= HOMING_RANGE or self.get("Operating Mode") != POSITION_MODE else 0
-
-    def get(self, name: str) -> int:
-        """The value of a register."""
-        item = self._table[name]
-        smallest, _ = WRITABLE.get(name, (0, 0))
-        data = self.memory[item.address : item.address + item.size]
-        return int.from_bytes(data, "little", signed=smallest < 0)
-
     def set(self, name: str, value: int) -> None:
         """Set a register, also one that a packet may not write."""
-        item = self._table[name]
-        self.memory[item.address : item.address + item.size] = (value % (1 << 8 * item.size)).to_bytes(
-            item.size, "little"
-        )
+        super().set(name, value)
+        self._new_goal |= name == "Goal Position"
 
     def reboot(self) -> None:
         """Switch off and on: torque is off, and RAM is as it was at the start."""
         self.power = True
-        self._switch_on(first_address=RAM)
+        self._switch_on(self.model.series.ram)
 
     def hear(self) -> None:
         """An instruction packet is on the bus, for whomever: Bus Watchdog starts counting again."""
         self._silence = 0.0
-
-    def read(self, address: int, size: int) -> bytes:
-        """Some bytes of the control table; where no register lies, they are zero."""
-        return bytes(self.memory[address : address + size])
-
-    def write(self, address: int, data: bytes) -> int:
-        """Write registers that lie side by side, all or none, and return the status packet's error number."""
-        values = {}
-        while data:
-            name = self._names.get(address)
-            if name is None or (address < RAM and self.get("Torque Enable")):
-                return ERRNUM_ACCESS
-            size = self._table[name].size
-            if len(data) < size:
-                return ERRNUM_DATA_LENGTH
-            smallest, largest = WRITABLE[name]
-            values[name] = int.from_bytes(data[:size], "little", signed=smallest < 0)
-            if not smallest <= values[name] <= largest:
-                return ERRNUM_DATA_RANGE
-            if name in GOALS and self.get("Bus Watchdog") == WATCHDOG_ERROR:
-                return ERRNUM_DATA_RANGE
-            address, data = address + size, data[size:]
-        lowest, highest = self.get("Min Position Limit"), self.get("Max Position Limit")
-        if not lowest <= values.get("Goal Position", lowest) <= highest:
-            return ERRNUM_DATA_LIMIT
-        for name, value in values.items():
-            self.set(name, value)
-        return 0
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the joint moves, the motor warms or cools, Bus Watchdog counts."""
@@ -181,36 +106,44 @@ class VirtualServo:
         if powered and 0 < watchdog < WATCHDOG_ERROR and self._silence > watchdog * WATCHDOG_UNIT:
             self.set("Bus Watchdog", WATCHDOG_ERROR)
             self.set("Goal Position", round(self.position) + self.homing)
+            self._profile.begin(round(self.position), 0.0, 0.0)
+            self._new_goal = False
         load = 0.0
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._follow(self.get("Goal Position") - self.homing, seconds)
+            load = self._follow(seconds)
         else:
             self.velocity = 0.0
+            self._profile, self._new_goal = Profile(self.position), True
         settled = ROOM + FULL_LOAD_HEATING * load * load
         self.temperature += (settled - self.temperature) * min(seconds / HEATING_TIME, 1.0)
         self._show(load)
 
-    def _follow(self, goal: float, seconds: float) -> float:
-        """Move toward a goal [ticks] in closed form; returns the load as a share of the stall torque."""
+    def _follow(self, seconds: float) -> float:
+        """Move along the profile, in closed form; returns the load as a share of the stall torque."""
+        profile, series, scale = self._profile, self.model.series, self.model.ticks_per_radian
+        if self._new_goal:
+            speed = self.get("Profile Velocity") * series.velocity_unit * scale
+            acceleration = self.get("Profile Acceleration") * series.acceleration_unit * scale
+            profile.begin(self.get("Goal Position") - self.homing, speed, acceleration)
+            self._new_goal = False
+        start = profile.position
+        profile.advance(seconds)
         if self.stuck:
             self.velocity = 0.0
-            return self._load(goal)
-        error = self.position - goal
-        pull = self.velocity + BANDWIDTH * error
-        decay = math.exp(-BANDWIDTH * seconds)
-        moved = (error + pull * seconds) * decay - error
-        velocity = (self.velocity - BANDWIDTH * pull * seconds) * decay
-        profile = self.get("Profile Velocity") * VELOCITY_UNIT
-        no_load = self.model.speed * 2 * math.pi / 60
-        fastest = TICKS_PER_RADIAN * (min(profile, no_load) if profile else no_load)
-        self.position += max(-fastest * seconds, min(fastest * seconds, moved))
-        self.velocity = max(-fastest, min(fastest, velocity))
-        return self._load(goal)
-
-    def _load(self, goal: float) -> float:
-        # The motor's voltage is the proportional gain times the position error (Position P Gain, 84).
-        drive = self.get("Position P Gain") / 128 * (goal - self.position) / self.get("PWM Limit")
-        return max(-1.0, min(1.0, drive))
+        elif seconds:
+            # A joint that follows a ramp is 2 / BANDWIDTH behind it in the end.
+            ramp = (profile.position - start) / seconds
+            error = self.position - start + 2 * ramp / BANDWIDTH
+            pull = self.velocity - ramp + BANDWIDTH * error
+            decay = math.exp(-BANDWIDTH * seconds)
+            moved = ramp * seconds + (error + pull * seconds) * decay - error
+            velocity = ramp + (pull - BANDWIDTH * (error + pull * seconds)) * decay
+            fastest = self.model.speed * RPM * scale
+            self.position += max(-fastest * seconds, min(fastest * seconds, moved))
+            self.velocity = max(-fastest, min(fastest, velocity))
+        # The motor's voltage is the proportional gain times the position error.
+        gain = self.get("Position P Gain") / self._initial["Position P Gain"] * STIFFNESS
+        return max(-1.0, min(1.0, gain * (profile.position - self.position) / scale))
 
     def _protect(self) -> None:
         """Report overheating, and switch torque off until a reboot, where Shutdown (63) says so."""
@@ -220,27 +153,29 @@ class VirtualServo:
             self.set("Torque Enable", 0)
 
     def _show(self, load: float) -> None:
-        current_unit = self.model.current_unit
-        if current_unit:
-            self.set("Present Current", round(load * self.model.current / current_unit))
-        else:
-            self.set("Present Load", round(load * 1000))
-        self.set("Present Velocity", round(self.velocity / TICKS_PER_RADIAN / VELOCITY_UNIT))
+        velocity_unit = self.model.series.velocity_unit * self.model.ticks_per_radian
+        self.set("Present Load", round(load * self.model.torque / self.model.effort_unit))
+        self.set("Present Velocity", round(self.velocity / velocity_unit))
         self.set("Present Position", round(self.position) + self.homing)
         self.set("Present Temperature", round(self.temperature))
-        self.set(
-            "Moving", abs(self.velocity) > self.get("Moving Threshold") * VELOCITY_UNIT * TICKS_PER_RADIAN
-        )
+        self.set("Moving", abs(self.velocity) > self.get("Moving Threshold") * velocity_unit)
+        profile = self._profile
+        arrived = not profile.ongoing and round(self.position) == round(profile.position)
+        self.set("Moving Status", IN_POSITION * arrived | ONGOING * profile.ongoing | KIND * profile.kind)
+        self.set("Velocity Trajectory", round(profile.velocity / velocity_unit))
+        self.set("Position Trajectory", round(profile.position) + self.homing)
         self.set("Realtime Tick", int(self._uptime * 1000) % 32768)
 
     def _switch_on(self, first_address: int) -> None:
+        model = self.model
+        fastest = round(model.speed * RPM / model.series.velocity_unit)
         own = {
-            "Model Number": self.model.number,
-            "Velocity Limit": round(self.model.speed / 0.229),
-            "Present Input Voltage": round(10 * self.model.voltage),
+            "Model Number": model.number,
+            "Velocity Limit": min(fastest, self._limits["Velocity Limit"][1]),
+            "Min Position Limit": model.first,
+            "Max Position Limit": model.last,
+            "Present Input Voltage": round(10 * model.voltage),
             "Goal Position": round(self.position) + self.homing,
         }
-        for name, item in self._table.items():
-            if item.address >= first_address:
-                self.set(name, own.get(name, INITIAL.get(name, 0)))
+        self._reset(first_address, own)
         self.advance(0.0)

@@ -27,8 +27,9 @@ from dynamixel_sdk.robotis_def import (
     INST_WRITE,
 )
 
+from gesture_bot.servo.models import X
 from gesture_bot.servo.virtual_faults import WireFaults
-from gesture_bot.servo.virtual_servo import RAM, VirtualServo
+from gesture_bot.servo.virtual_servo import VirtualServo
 
 HEADER = bytes((0xFF, 0xFF, 0xFD, 0x00))
 SDK = Protocol2PacketHandler()
@@ -169,7 +170,7 @@ class VirtualWire:
                 error = ERRNUM_INSTRUCTION
             if level >= needed:
                 answers.append(self._status(servo, servo_id, error, data))
-        if instruction == INST_WRITE and address < RAM:
+        if instruction == INST_WRITE and address < X.ram:
             self._sort([*self.servos.values(), *self._twins])
         return collided(answers)
 
@@ -185,7 +186,7 @@ class VirtualWire:
             for at in range(4, len(parameters), size + 1):
                 for servo in self._listeners(parameters[at]):
                     servo.write(address, parameters[at + 1 : at + 1 + size])
-            if address < RAM:
+            if address < X.ram:
                 self._sort([*self.servos.values(), *self._twins])
         elif instruction == INST_SYNC_READ:
             return b"".join(

@@ -6,6 +6,7 @@ from conftest import wait_until
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from moving_robot import spun
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from servo_bus import recorded_bus
 from std_msgs.msg import Bool
@@ -167,6 +168,27 @@ def test_a_stop_on_the_topic_brakes_within_five_bus_cycles_and_latches(both, wir
         assert set(both.record.owners[-1].message.owners) == {"stop"}
         assert call(both, Trigger, "reset").success
     assert np.median(cycles) <= 5, cycles
+
+
+def test_the_parameter_service_makes_and_ends_faults_of_the_virtual_bus(listener):
+    driver = ServoDriver(context=listener.context)
+
+    def fault(words):
+        parameter = Parameter("virtual_fault", value=words).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        return call(listener, SetParameters, "/servo_driver/set_parameters", request).results[0]
+
+    def told():
+        heard = [one for diagnostics in listener.record.diagnostics for one in diagnostics.message.status]
+        return next((one.message for one in reversed(heard) if one.name.endswith("servo bus")), "")
+
+    with spun(listener.context, [driver]):
+        assert fault(f"silent={SERVO.id}").successful
+        wait_until(lambda: "head_pan does not answer" in told(), 10, "the fault")
+        refused = fault("rain=1")
+        assert not refused.successful and "'rain'; valid: bit_noise" in refused.reason
+        assert fault("").successful
+        wait_until(lambda: "head_pan does not answer" not in told(), 10, "its end")
 
 
 def test_joint_trajectory_controller_takes_what_the_mux_publishes(both):

@@ -6,6 +6,7 @@ import subprocess
 from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from conftest import command, wait_until
 from servo_bus import recorded_bus
@@ -16,6 +17,7 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.calibration import calibrate, read_angle
 from gesture_bot.servo.driver import Driver
+from gesture_bot.servo.models import P
 from gesture_bot.servo.monitor import read_states
 from gesture_bot.servo.settings import Change, apply, inspect
 from gesture_bot.servo.virtual_servo import ServoSpec
@@ -254,3 +256,29 @@ def test_monitor_runs_until_ctrl_c():
         assert process.returncode == 0
         assert all(joint in shown for joint in ROBOT.joints)
         assert "overheating, off" in shown and "does not answer" in shown
+
+
+def test_servos_of_the_p_series_are_found_set_up_and_calibrated(capsys):
+    limits = replace(ROBOT.limits, velocity=np.minimum(ROBOT.limits.velocity, 2.5))
+    strong = tuple(replace(servo, model="PH54-100-S500") for servo in ROBOT.servos)
+    robot = replace(ROBOT, servos=strong, limits=limits)
+    with recorded_bus(robot, [ServoSpec(14, "PH54-100-S500", 5000, BAUDRATE)]) as wire:
+        assert servos("scan", "--port", wire.port, "--baudrate", BAUDRATE) == 0
+        lines = capsys.readouterr().out.splitlines()
+        listed = [line.split()[2:4] for line in lines if line.startswith(wire.port)]
+        assert listed == [[str(servo.id), servo.model] for servo in robot.servos]
+        assert [line.split()[1] for line in lines if "two servos have this ID" in line] == ["14"]
+    with recorded_bus(robot) as wire:
+        servo, virtual = robot.servos[3], wire.servos[14]
+        with closing(Bus(wire.port, BAUDRATE, P)) as bus:
+            apply(bus, servo, inspect(bus, robot, servo).changes)
+            assert inspect(bus, robot, servo).changes == ()
+            degree = 1_003_846 / 360
+            assert virtual.get("Min Position Limit") == pytest.approx(-(np.degrees(2.5) + 5) * degree, abs=2)
+            virtual.position += 20 * degree
+            state = read_states(bus, robot)[3]
+            assert state.position == pytest.approx(read_angle(bus, servo), abs=1e-4) and state.voltage == 24
+            calibrate(bus, robot, servo)
+            assert read_angle(bus, servo) == pytest.approx(servo.mark, abs=1e-4)
+        assert servos("id", 14, 114, "--port", wire.port, "--baudrate", BAUDRATE) == 0
+        assert wire.servos[114] is virtual

@@ -16,11 +16,11 @@ from gesture_bot.servo import latency_timer
 from gesture_bot.servo.arbitration import load_arbitration
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.driver import Driver
-from gesture_bot.servo.health import HEALTH_ADDRESS, HEALTH_SIZE
-from gesture_bot.servo.models import WATCHDOG_ERROR, signed
+from gesture_bot.servo.health import read_health
+from gesture_bot.servo.models import WATCHDOG_ERROR, X, find_model, signed
 from gesture_bot.servo.mux import MotionMux
 from gesture_bot.servo.present import PresentReader
-from gesture_bot.servo.table import PRESENT, PRESENT_ADDRESS, ServoTable
+from gesture_bot.servo.table import PRESENT, ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
 
@@ -272,17 +272,18 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(terminal, monke
     answer = VirtualServo.read
 
     def slowly(servo, address, size):
-        if address == HEALTH_ADDRESS:
+        if address == torque:
             time.sleep(0.017)  # longer than a cycle waits
         return answer(servo, address, size)
 
+    torque, present = X.registers["Torque Enable"].address, X.registers["Present Load"].address
     bus = Bus(terminal.port, ROBOT.bus.baudrate)
-    read = bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize)
+    read = bus.try_read(ELBOW_ID, present, PRESENT.itemsize)
     assert len(read) == PRESENT.itemsize
     bus.hurry()
     monkeypatch.setattr(VirtualServo, "read", slowly)
-    assert bus.try_read(ELBOW_ID, HEALTH_ADDRESS, HEALTH_SIZE) == b""
-    answers = {bus.try_read(ELBOW_ID, PRESENT_ADDRESS, PRESENT.itemsize) for _ in range(5)}
+    assert read_health(bus, ELBOW_ID, find_model("XL430-W250")) is None
+    answers = {bus.try_read(ELBOW_ID, present, PRESENT.itemsize) for _ in range(5)}
     assert answers in ({read}, {b"", read})
     bus.close()
 
@@ -519,3 +520,39 @@ def test_inactive_joints_hold_and_take_up_only_what_is_planned_afterwards(wire):
     driver.set_trajectory(target)
     assert run(driver, 3.0, T0 + 2.35)[-1].positions[ELBOW] == pytest.approx(ROBOT.rest[ELBOW], abs=3e-3)
     driver.close()
+
+
+def with_model(robot, model, velocity=2.5):
+    """The same robot on other servos, whose joints are no faster than these [rad/s]."""
+    servos = tuple(replace(servo, model=model) for servo in robot.servos)
+    slower = replace(robot.limits, velocity=np.minimum(robot.limits.velocity, velocity))
+    return replace(robot, servos=servos, limits=slower)
+
+
+def test_the_p_series_is_driven_by_its_own_addresses_and_units():
+    robot = with_model(robot_with(on_exit="off", lag_ms=45.0), "PH42-020-S300")
+    wire = simulated_bus(robot)
+    driver, elbow = Driver(robot, wire.port), wire.servos[ELBOW_ID]
+    driver.start()
+    rest = robot.rest[ELBOW]
+    driver.set_trajectory(elbow_path(rest, rest + 0.8, rest + 0.8, rest, seconds=1.0))
+    feedback = run(driver, 1.6)
+    assert feedback[-1].positions[ELBOW] == pytest.approx(rest + 0.8, abs=1e-3)
+    assert elbow.position == pytest.approx(-(rest + 0.8) * 607_500 / (2 * np.pi), abs=100), "0 is the middle"
+    speeds = [f.velocities[ELBOW] for f in feedback]
+    assert max(speeds) == pytest.approx(1.5 * 0.8, rel=0.05), "a cubic's fastest [rad/s]"
+    assert int.from_bytes(elbow.memory[560:564], "little") == np.ceil(2.5 / (0.01 * 2 * np.pi / 60))
+    assert elbow.memory[546] == robot.bus.watchdog_ms // 20
+    elbow.stuck = True
+    stuck = run(driver, 0.8, T0 + 1.6)
+    assert driver.status.yielding == ("left_elbow",)
+    assert min(f.efforts[ELBOW] for f in stuck) < -0.2 * 5.1, "[N m]"
+    assert driver.status.health["left_elbow"].voltage == 24.0
+    driver.close()
+    assert elbow.get("Torque Enable") == 0
+
+
+def test_one_bus_carries_one_series():
+    servos = (*ROBOT.servos[:-1], replace(ROBOT.servos[-1], model="PM42-010-S260"))
+    with pytest.raises(RobotError, match="one series: \\['P', 'X'\\]"):
+        Driver(replace(ROBOT, servos=servos), "nowhere")
