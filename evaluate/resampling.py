@@ -1,0 +1,81 @@
+"""Metrics with 95% intervals: the bootstrap over pieces of speech (Efron and Tibshirani 1993, chapters 6, 13)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_bot.evaluate.pieces import Piece
+
+RESAMPLES = 500
+"""Draws of as many pieces as there are, with replacement."""
+
+_COVERED = (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of merit, which is a function of sums over pieces: drawing pieces anew is adding them up anew.
+
+    Attributes:
+        name: In tables.
+        unit: In tables; empty for a number without one.
+        sums: From p pieces to (p, d) numbers; NaN where a piece lacks what is measured.
+        value: From sums of them (..., d) to (...); NaN where nothing was measured.
+        decimals: Worth printing.
+        better: `lower`, `higher`, or empty where the best is what people do.
+    """
+
+    name: str
+    unit: str
+    sums: Callable[[Sequence[Piece]], np.ndarray]
+    value: Callable[[np.ndarray], np.ndarray]
+    decimals: int
+    better: str = ""
+
+
+def ratio(sums: np.ndarray) -> np.ndarray:
+    """A mean from sums (..., 2): total and count; NaN without any."""
+    total, count = np.moveaxis(sums, -1, 0)
+    return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure and what draws of pieces make of it.
+
+    Attributes:
+        value: From all pieces.
+        draws: (RESAMPLES,) from drawn ones. The same draw holds the same pieces for every system.
+    """
+
+    value: float
+    draws: np.ndarray
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95% of the draws, moved so that their mean is the value.
+
+        A Frechet distance or an entropy of fewer different pieces is biased (upward, downward); drawing
+        brings in that bias a second time, and the move takes it out.
+        """
+        low, high = np.percentile(self.draws, _COVERED) - self.draws.mean() + self.value
+        return float(low), float(high)
+
+    def minus(self, other: "Estimate") -> "Estimate":
+        """The difference of two systems, draw by draw: what both owe to the same pieces falls out."""
+        return Estimate(self.value - other.value, self.draws - other.draws)
+
+
+def estimate(metric: Metric, pieces: Sequence[Piece], seed: int = 0) -> Estimate:
+    """A metric of pieces, with draws.
+
+    The pieces at even and at odd places are drawn by themselves: they are the two halves of frechet.py.
+    """
+    sums = metric.sums(pieces)
+    generator = np.random.default_rng(seed)
+    times = np.zeros((RESAMPLES, len(pieces)))
+    for half in (slice(0, None, 2), slice(1, None, 2)):
+        count = len(range(len(pieces))[half])
+        times[:, half] = generator.multinomial(count, np.full(count, 1 / count), RESAMPLES)
+    return Estimate(float(metric.value(sums.sum(axis=0))), metric.value(times @ sums))
