@@ -113,8 +113,8 @@ def train_encoder(database: Database, path: Path, steps: int = STEPS) -> dict[st
         "steps": steps,
         "layers": LAYERS,
         "torch": torch.__version__,
-        "error_mm": round(1000 * float(deviation) * float(loss) ** 0.5, 2),
-        "unseen_error_mm": round(1000 * float(deviation) * float(missed) ** 0.5, 2),
+        "error_mm": round(1000 * float(deviation) * loss.item() ** 0.5, 2),
+        "unseen_error_mm": round(1000 * float(deviation) * missed.item() ** 0.5, 2),
     }
     arrays = {
         name: values.numpy()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.corpus.database import Database
 from gesture_bot.evaluate.beat_scores import BEAT_CONSISTENCY, pmb
 from gesture_bot.evaluate.bone_error import BONE_ERROR
@@ -85,9 +86,8 @@ def quality_table(
         ("mismatched speech and motion", "no", mismatched(recorded)),
     ]
     for system in systems_of(database, refine):
-        judged.append(
-            (system.name, system.smoothed, pieces_of(performances, system.show(tuple(performances))))
-        )
+        shown = pieces_of(performances, system.show(tuple(performances)))
+        judged.append((system.name, system.smoothed, shown))
     estimates = {
         name: {metric.name: estimate(metric, pieces) for metric in metrics} for name, _, pieces in judged
     }
@@ -102,7 +102,7 @@ def quality_table(
         for name, smoothed, pieces in judged
     ]
     frames = sum(len(piece.recorded) for piece in recorded)
-    return Quality(metrics, rows, len(recorded), frames / 15 / 60)
+    return Quality(metrics, rows, len(recorded), frames / FRAME_RATE / 60)
 
 
 def pmb_curve(pieces: Sequence[Piece]) -> np.ndarray:

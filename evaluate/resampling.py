@@ -1,4 +1,4 @@
-"""Metrics with 95% intervals: the bootstrap over pieces of speech (Efron and Tibshirani 1993, chapters 6, 13)."""
+"""Metrics with 95% intervals: the bootstrap over pieces of speech (Efron and Tibshirani 1993, chapter 13)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
