@@ -9,16 +9,10 @@ from safetensors import SafetensorError, safe_open
 
 from gesture_bot.base.errors import FileFormatError
 from gesture_bot.base.files import config_dir
-from gesture_bot.base.keypoints import BONES, KEYPOINTS
-from gesture_bot.evaluate.frechet import half_distance, half_sums, sliding
+from gesture_bot.evaluate.frechet import half_distance, half_sums
 from gesture_bot.evaluate.pieces import Piece
 from gesture_bot.evaluate.resampling import Metric
-
-WINDOW_FRAMES = 32
-"""Frames that the encoder sees at once (Yoon et al. 2020: 34)."""
-
-STEP = 4
-"""Frames from one window to the next."""
+from gesture_bot.evaluate.windows import STEP, WINDOW_FRAMES, parent_relative, sliding
 
 LATENTS = 32
 """Numbers of a latent vector, as in Yoon et al. 2020."""
@@ -28,18 +22,6 @@ STRIDE = 2
 
 SLOPE = 0.2
 """Of the leaky ReLU below zero."""
-
-_UPPER = np.array([bone for bone in BONES if not KEYPOINTS[bone[1]].endswith("hip")])
-
-CHANNELS = 3 * len(_UPPER)
-
-
-def parent_relative(keypoints: np.ndarray) -> np.ndarray:
-    """Bones of the upper body as vectors from the parent: (..., 17, 3) -> (..., CHANNELS) [m]."""
-    parents, children = _UPPER.T
-    bones = keypoints[..., children, :] - keypoints[..., parents, :]
-    return bones.reshape(*keypoints.shape[:-2], CHANNELS)
-
 
 class Encoder:
     """Convolutions over time, then a linear layer; see encoder_training.py.

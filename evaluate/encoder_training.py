@@ -18,7 +18,8 @@ from gesture_bot.base.files import write_whole
 from gesture_bot.base.keypoints import mirror
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.corpus.demo import load_database
-from gesture_bot.evaluate.encoder import CHANNELS, LATENTS, SLOPE, STRIDE, WINDOW_FRAMES, parent_relative
+from gesture_bot.evaluate.encoder import LATENTS, SLOPE, STRIDE
+from gesture_bot.evaluate.windows import CHANNELS, WINDOW_FRAMES, parent_relative
 
 SEED, STEPS, BATCH, RATE = 0, 6000, 128, 1e-3
 

@@ -71,9 +71,3 @@ def half_distance(dimensions: int) -> Callable[[np.ndarray], np.ndarray]:
         return (frechet_distance(*even, *odd_recorded) + frechet_distance(*odd, *even_recorded)) / 2
 
     return value
-
-
-def sliding(values: np.ndarray, frames: int, step: int) -> np.ndarray:
-    """Windows of a motion: (n, ...) -> (w, frames, ...), one every `step` frames; none in a short motion."""
-    begins = np.arange(0, len(values) - frames + 1, step)
-    return values[begins[:, None] + np.arange(frames)]

@@ -6,10 +6,10 @@ import numpy as np
 
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import INDEX, WRISTS
-from gesture_bot.evaluate.encoder import STEP, WINDOW_FRAMES
-from gesture_bot.evaluate.frechet import half_distance, half_sums, sliding
+from gesture_bot.evaluate.frechet import half_distance, half_sums
 from gesture_bot.evaluate.pieces import Piece
 from gesture_bot.evaluate.resampling import Metric
+from gesture_bot.evaluate.windows import STEP, WINDOW_FRAMES, sliding
 
 MOVING = [INDEX["head"]] + [
     INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("elbow", "wrist", "index")

@@ -8,10 +8,9 @@ from scipy.special import entr
 
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.evaluate.encoder import parent_relative
-from gesture_bot.evaluate.frechet import sliding
 from gesture_bot.evaluate.pieces import Piece
 from gesture_bot.evaluate.resampling import Metric
+from gesture_bot.evaluate.windows import parent_relative, sliding
 
 LEXEMES = 50
 """Clusters; RG22 learns 50 to 100."""

@@ -1,14 +1,14 @@
 """Motion that a database does not hold, with its speech: of the demo speaker, or of recordings."""
 
 from collections.abc import Iterator, Sequence
-from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
 
-from gesture_bot.base.errors import FileFormatError, InvalidValueError
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.demo import demo_performances
+from gesture_bot.corpus.importing import file_digest
 from gesture_bot.corpus.readers import reader_of
 from gesture_bot.corpus.skeletons import SOUNDS, choose_skeleton, load_skeletons
 from gesture_bot.corpus.styles import STYLES
@@ -50,17 +50,10 @@ def recorded_performances(paths: Sequence[Path], database: Database) -> list[Per
     }
     performances = []
     for path in paths:
-        if _digest(path) in held:
+        if file_digest(path) in held:
             raise InvalidValueError("the database was built from this recording; leave it out", str(path))
         performances += _read(path)
     return performances
-
-
-def _digest(path: Path) -> str:
-    try:
-        return blake2b(path.read_bytes(), digest_size=16).hexdigest()
-    except OSError as error:
-        raise FileFormatError(f"cannot read {path} ({error.strerror})") from error
 
 
 def _read(path: Path) -> Iterator[Performance]:
