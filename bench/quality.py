@@ -1,8 +1,8 @@
 """MM22's table 3 in numbers, for the demo corpus or for recordings.
 
-`make bench-quality`, or `python bench/quality.py DATABASE FILE...` with a database and recordings that it does
-not hold. The last line is one JSON object: an entry a system, with the value and the 95% interval of each
-metric, and those of the difference to smoothing alone. What could not be measured is null.
+`make bench-quality`, or `python bench/quality.py DATABASE FILE...` with a database and recordings that it
+does not hold. The last line is one JSON object: an entry a system, with the value and the 95% interval of
+each metric, and those of the difference to smoothing alone. What could not be measured is null.
 """
 
 import json

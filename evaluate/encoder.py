@@ -23,6 +23,7 @@ STRIDE = 2
 SLOPE = 0.2
 """Of the leaky ReLU below zero."""
 
+
 class Encoder:
     """Convolutions over time, then a linear layer; see encoder_training.py.
 

@@ -46,7 +46,8 @@ class Estimate:
 
     Attributes:
         value: From all pieces.
-        draws: (RESAMPLES,) from drawn ones. The same draw holds the same pieces for every system.
+        draws: (RESAMPLES,) from drawn ones, scaled so that their mean is the value. The same draw holds the
+            same pieces for every system.
     """
 
     value: float
@@ -54,12 +55,8 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95% of the draws, moved so that their mean is the value.
-
-        A Frechet distance or an entropy of fewer different pieces is biased (upward, downward); drawing
-        brings in that bias a second time, and the move takes it out.
-        """
-        low, high = np.percentile(self.draws, _COVERED) - self.draws.mean() + self.value
+        """From where to where 95% of the draws lie."""
+        low, high = np.percentile(self.draws, _COVERED)
         return float(low), float(high)
 
     def minus(self, other: "Estimate") -> "Estimate":
@@ -70,7 +67,9 @@ class Estimate:
 def estimate(metric: Metric, pieces: Sequence[Piece], seed: int = 0) -> Estimate:
     """A metric of pieces, with draws.
 
-    The pieces at even and at odd places are drawn by themselves: they are the two halves of frechet.py.
+    The pieces at even and at odd places are drawn by themselves: they are the two halves of frechet.py. A
+    Frechet distance or an entropy of fewer different pieces is biased, upward or downward. Drawing brings in
+    that bias a second time; the scaling takes it out.
     """
     sums = metric.sums(pieces)
     generator = np.random.default_rng(seed)
@@ -78,4 +77,6 @@ def estimate(metric: Metric, pieces: Sequence[Piece], seed: int = 0) -> Estimate
     for half in (slice(0, None, 2), slice(1, None, 2)):
         count = len(range(len(pieces))[half])
         times[:, half] = generator.multinomial(count, np.full(count, 1 / count), RESAMPLES)
-    return Estimate(float(metric.value(sums.sum(axis=0))), metric.value(times @ sums))
+    value, draws = float(metric.value(sums.sum(axis=0))), metric.value(times @ sums)
+    mean = draws.mean()
+    return Estimate(value, draws * (value / mean) if mean > 0 else draws)

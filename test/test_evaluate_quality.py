@@ -14,6 +14,7 @@ from gesture_bot.base.errors import FileFormatError, GestureBotError, InvalidVal
 from gesture_bot.cli.main import main
 from gesture_bot.corpus.movement import minimum_jerk
 from gesture_bot.corpus.one_body import STANDARD, STANDARD_LENGTHS
+from gesture_bot.evaluate import resampling
 from gesture_bot.evaluate.beat_scores import BEAT_CONSISTENCY, SIGMA, pmb
 from gesture_bot.evaluate.bone_error import BONE_ERROR
 from gesture_bot.evaluate.encoder import LATENTS, Encoder, fgd
@@ -81,7 +82,9 @@ def test_the_same_motion_is_at_no_distance_and_worse_motion_at_a_larger_one(move
     assert value(metric, *map(piece, halves)) == pytest.approx(0, abs=1e-6)
     noise = np.random.default_rng(0).normal(0, 0.02, moved[0].shape)
     still = np.repeat(STANDARD[None], 150, axis=0)
-    shaken, stiff = ([piece(shown(one), one) for one in halves] for shown in (lambda one: one + noise, lambda _: still))
+    shaken, stiff = (
+        [piece(shown(one), one) for one in halves] for shown in (lambda one: one + noise, lambda _: still)
+    )
     assert value(metric, *stiff) > 0.1 and value(metric, *shaken) > 0.01
 
 
@@ -131,14 +134,16 @@ def test_the_interval_of_a_mean_is_the_known_one_and_systems_are_compared_pair_b
     pieces = [piece(np.full((1, 17, 3), mean)) for mean in means]
 
     def mean_of(offset):
-        return Metric("", "", lambda some: np.array([(one.shown[0, 0, 0] + offset, 1) for one in some]), ratio, 1)
+        return Metric(
+            "", "", lambda some: np.array([(one.shown[0, 0, 0] + offset, 1) for one in some]), ratio, 1
+        )
 
     one, better = estimate(mean_of(0), pieces), estimate(mean_of(-0.01), pieces)
     low, high = one.interval
     assert one.value == pytest.approx(means.mean())
     assert (high - low) / 2 == pytest.approx(1.96 * means.std() / 200**0.5, rel=0.1)
     assert low < one.value < high
-    assert better.minus(one).interval == pytest.approx((-0.01, -0.01))
+    assert better.minus(one).interval == pytest.approx((-0.01, -0.01), rel=0.01)
 
 
 def performances(moved, features):
@@ -154,20 +159,29 @@ def test_pieces_are_of_five_seconds_or_whole_and_mismatched_within_their_half(mo
     whole = pieces_of(said + said, [Motion(one.recorded) for one in said + said])
     assert [len(one.shown) for one in whole] == [150] * 16
     for place, one in enumerate(mismatched(pieces)):
-        (own,) = (other for other, theirs in enumerate(pieces) if np.shares_memory(one.shown, theirs.recorded))
+        (own,) = (
+            other for other, theirs in enumerate(pieces) if np.shares_memory(one.shown, theirs.recorded)
+        )
         assert own != place and own % 2 == place % 2
     with pytest.raises(InvalidValueError, match="too little"):
         pieces_of(said[:1], [Motion(said[0].recorded)])
 
 
-def test_the_table_has_a_row_for_each_system(moved):
+@pytest.fixture
+def few_draws(monkeypatch):
+    monkeypatch.setattr(resampling, "RESAMPLES", 50)
+
+
+def test_the_table_has_a_row_for_each_system(moved, few_draws):
     database = small_database(recordings=12)
-    said = performances(moved, database.features[:150])
+    said = performances(moved[:3], database.features[:150])
     quality = quality_table(database, said, refine=lambda features, keypoints: 1.1 * keypoints)
     rows = {row.system: row for row in quality.rows}
-    assert len(rows) == 7 and quality.pieces == 16 and quality.minutes == pytest.approx(8 / 6)
+    assert len(rows) == 7 and quality.pieces == 6 and quality.minutes == pytest.approx(1 / 2)
     recorded, mismatched_motion = quality.rows[:2]
-    figures = {name: {metric: one.value for metric, one in row.estimates.items()} for name, row in rows.items()}
+    figures = {
+        name: {metric: one.value for metric, one in row.estimates.items()} for name, row in rows.items()
+    }
     assert figures[recorded.system]["MAJE"] == 0 < figures[mismatched_motion.system]["MAJE"]
     found, smoothed, refined = (figures[name] for name in list(rows)[4:])
     assert found["jerk at seams"] > 2 * smoothed["jerk at seams"]
@@ -184,14 +198,18 @@ def test_the_table_has_a_row_for_each_system(moved):
 def recording(tmp_path_factory):
     """A BVH file with a sound beside it."""
     folder = tmp_path_factory.mktemp("recording")
-    said = load_voice("embedded").speak("The cook counts the spoons, all of them, and the gardener the birds.").samples
+    said = (
+        load_voice("embedded")
+        .speak("The cook counts the spoons, all of them, and the gardener the birds.")
+        .samples
+    )
     samples = np.tile(said, 10)[: 24 * SAMPLE_RATE]
     soundfile.write(folder / "talk.wav", samples, SAMPLE_RATE)
     write_bvh(folder / "talk.bvh", motion(np.random.default_rng(1), 24 * 15, 0.2, 4.0), 15)
     return folder / "talk.bvh"
 
 
-def test_the_command_judges_recordings_and_writes(recording, tmp_path, capsys):
+def test_the_command_judges_recordings_and_writes(recording, few_draws, tmp_path, capsys):
     small_database(recordings=12).save(tmp_path / "small.safetensors")
     arguments = ["evaluate", "quality", "--database", str(tmp_path / "small.safetensors")]
     assert main([*arguments, "--speech", str(recording), "-o", str(tmp_path / "out")]) == 0
@@ -227,10 +245,12 @@ def test_an_encoder_is_trained_and_runs_without_torch_as_with_it(tmp_path, moved
     from gesture_bot.evaluate.encoder_training import train_encoder
 
     path = tmp_path / "encoder.safetensors"
-    about = train_encoder(small_database(recordings=6), path, steps=30)
-    assert about["unseen_error_mm"] < 100
+    about = train_encoder(small_database(recordings=6), path, steps=3)
+    assert 0 < about["unseen_error_mm"] < 200
     arrays = {name: torch.tensor(array) for name, array in load_file(path).items()}
-    hidden = (torch.tensor(parent_relative(moved[0][:32]), dtype=torch.float32) - arrays["mean"]) / arrays["deviation"]
+    hidden = (torch.tensor(parent_relative(moved[0][:32]), dtype=torch.float32) - arrays["mean"]) / arrays[
+        "deviation"
+    ]
     hidden = hidden.T[None]
     for layer in range(3):
         hidden = torch.nn.functional.conv1d(
