@@ -75,4 +75,4 @@ def fgd(encoder: Encoder) -> Metric:
             [encoder.latents(piece.recorded) for piece in pieces],
         )
 
-    return Metric("FGD", "", sums, half_distance(LATENTS), 2, "lower")
+    return Metric("FGD", "", sums, half_distance(LATENTS), 2, "lower", biased=True)

@@ -122,7 +122,7 @@ def train_encoder(database: Database, path: Path, steps: int = STEPS) -> dict[st
         for name, values in network.state_dict().items()
         if not name.startswith("decoder")
     }
-    arrays |= {"mean": mean.astype(np.float32), "deviation": np.float32([deviation])}
+    arrays |= {"mean": mean.astype(np.float32), "deviation": np.array([deviation], np.float32)}
     with write_whole(path) as temporary:
         save_file(arrays, temporary, {"about": json.dumps(about)})
     return about

@@ -52,4 +52,4 @@ def _sums(pieces: Sequence[Piece]) -> np.ndarray:
     return half_sums(shown, [one / deviation for one in recorded])
 
 
-KINEMATIC_DISTANCE = Metric("kinematic FD", "", _sums, half_distance(FEATURES), 2, "lower")
+KINEMATIC_DISTANCE = Metric("kinematic FD", "", _sums, half_distance(FEATURES), 2, "lower", biased=True)

@@ -46,4 +46,4 @@ def diversity(database: Database) -> Metric:
     def sums(pieces: Sequence[Piece]) -> np.ndarray:
         return np.array([lexemes(piece.shown, centres) for piece in pieces])
 
-    return Metric("diversity", "bit", sums, entropy, 2)
+    return Metric("diversity", "bit", sums, entropy, 2, biased=True)

@@ -47,7 +47,7 @@ def recorded_performances(paths: Sequence[Path], database: Database) -> list[Per
     held = {
         digest for source in database.metadata.get("sources", ()) for digest in source["digests"].values()
     }
-    performances = []
+    performances: list[Performance] = []
     for path in paths:
         if file_digest(path) in held:
             raise InvalidValueError("the database was built from this recording; leave it out", str(path))

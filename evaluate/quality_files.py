@@ -57,9 +57,10 @@ def _cell(row: Row, metric: Metric) -> str:
 
 
 def differs(row: Row, metric: Metric) -> bool:
-    """Whether a system differs from the one that is smoothed alone by more than the interval."""
+    """Whether a system differs from smoothing alone: by more than the interval, and visibly."""
     low, high = row.differences[metric.name].interval
-    return low > 0 or high < 0
+    least = 0.5 / 10**metric.decimals
+    return low > least or high < -least
 
 
 def quality_lines(quality: Quality) -> Iterator[dict[str, object]]:
@@ -113,12 +114,13 @@ def _save(path: Path, figure: Figure) -> None:
 
 def _figures(quality: Quality) -> Figure:
     """A panel a metric: each system's value and interval."""
+    measured = [one for one in quality.metrics if not np.isnan(quality.rows[-1].estimates[one.name].value)]
     columns = 5
-    across = -(-len(quality.metrics) // columns)
+    across = -(-len(measured) // columns)
     figure = Figure(figsize=(3.2 * columns, 2.4 * across), dpi=100, layout="constrained")
     panels = figure.subplots(across, columns, squeeze=False, sharey=True).ravel()
     places = np.arange(len(quality.rows))
-    for axes, metric in zip(panels, quality.metrics, strict=False):
+    for axes, metric in zip(panels, measured, strict=False):
         for place, row, color in zip(places, quality.rows, _COLORS, strict=False):
             one = row.estimates[metric.name]
             axes.plot(one.interval, [place, place], color=color, linewidth=2)
@@ -128,7 +130,7 @@ def _figures(quality: Quality) -> Figure:
         axes.grid(axis="x", alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].invert_yaxis()
-    for axes in panels[len(quality.metrics) :]:
+    for axes in panels[len(measured) :]:
         axes.set_visible(False)
     return figure
 

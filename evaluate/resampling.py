@@ -24,6 +24,7 @@ class Metric:
         value: From sums of them (..., d) to (...); NaN where nothing was measured.
         decimals: Worth printing.
         better: `lower`, `higher`, or empty where the best is what people do.
+        biased: Whether fewer different pieces move it one way; see estimate.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Metric:
     value: Callable[[np.ndarray], np.ndarray]
     decimals: int
     better: str = ""
+    biased: bool = False
 
 
 def ratio(sums: np.ndarray) -> np.ndarray:
@@ -46,8 +48,7 @@ class Estimate:
 
     Attributes:
         value: From all pieces.
-        draws: (RESAMPLES,) from drawn ones, scaled so that their mean is the value. The same draw holds the
-            same pieces for every system.
+        draws: (RESAMPLES,) from drawn ones. The same draw holds the same pieces for every system.
     """
 
     value: float
@@ -69,7 +70,7 @@ def estimate(metric: Metric, pieces: Sequence[Piece], seed: int = 0) -> Estimate
 
     The pieces at even and at odd places are drawn by themselves: they are the two halves of frechet.py. A
     Frechet distance or an entropy of fewer different pieces is biased, upward or downward. Drawing brings in
-    that bias a second time; the scaling takes it out.
+    that bias a second time; it is taken out by a factor that makes the mean of the draws the value.
     """
     sums = metric.sums(pieces)
     generator = np.random.default_rng(seed)
@@ -78,5 +79,4 @@ def estimate(metric: Metric, pieces: Sequence[Piece], seed: int = 0) -> Estimate
         count = len(range(len(pieces))[half])
         times[:, half] = generator.multinomial(count, np.full(count, 1 / count), RESAMPLES)
     value, draws = float(metric.value(sums.sum(axis=0))), metric.value(times @ sums)
-    mean = draws.mean()
-    return Estimate(value, draws * (value / mean) if mean > 0 else draws)
+    return Estimate(value, draws * (value / draws.mean()) if metric.biased else draws)

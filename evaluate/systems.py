@@ -86,7 +86,7 @@ def _shown(selector: Selector, performance: Performance) -> tuple[Motion, Motion
     ]
     found: dict[int, np.ndarray] = {}
     smoothed: dict[int, np.ndarray] = {}
-    seams = []
+    seams: list[int] = []
     for window, clip in refined_windows(selector, heard, range(LEAD_IN + frames + WINDOW)):
         found.update(enumerate(window.keypoints, window.start))
         smoothed.update(enumerate(clip.keypoints, clip.start))
