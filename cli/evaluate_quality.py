@@ -16,7 +16,8 @@ FGD           Frechet distance of windows' latents; kinematic FD: of speeds and 
               Each half of the pieces is compared with the recorded motion of the other half: the first row
               is the floor
 PMB           share of the hands' beats within so many seconds of a beat of the speech (RG22: 0.2 s). Chance
-              is the second row; jumps where windows meet unsmoothed count as beats
+              is the second row. Motion with fewer beats has more of them matched, and jumps where windows
+              meet unsmoothed count as beats
 diversity     entropy over the gestures of a lexicon of 50 (log2 50 = 5.64)
 acceleration, jerk: means of both wrists; at seams: over the place where two windows meet"""
 
