@@ -155,6 +155,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     rhythm.set_defaults(module="evaluate_rhythm")
 
+    quality = measures.add_parser(
+        "quality",
+        help="how good is the motion (MM22, table 3, in numbers)",
+        description="Make motion for speech by each kind of search, and compare it with the speaker's own, "
+        "which the database must not hold (MM22, table 3, in numbers).",
+    )
+    quality.add_argument("--database", default="demo", metavar="FILE", help="database file (demo)")
+    quality.add_argument(
+        "--speech", nargs="+", type=Path, default=[], metavar="FILE",
+        help="recordings of motion with sound or speech features (held-out sentences of the demo speaker)",
+    )  # fmt: skip
+    quality.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="write CSV, Markdown and plots")
+    quality.set_defaults(module="evaluate_quality")
+
     bank = commands.add_parser("bank", help="look at the semantic gestures")
     actions = bank.add_subparsers(title="what", metavar="WHAT", required=True)
     preview = actions.add_parser(

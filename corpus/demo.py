@@ -5,7 +5,7 @@ gesture.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -100,11 +100,31 @@ def demo_corpus(
         workers: Threads, as many as processors by default; the result does not depend on it.
         seed: Of every choice.
     """
+    performed = demo_performances(sentences, "building the demo corpus", rounds, workers, seed)
+    recordings = (recording for recording, _ in performed)
+    return build_database(recordings, {**PROVENANCE, "settings": {"rounds": rounds, "seed": seed}})
+
+
+def demo_performances(
+    sentences: Mapping[str, Sequence[str]],
+    title: str,
+    rounds: int = 1,
+    workers: int | None = None,
+    seed: int = 0,
+) -> Iterator[tuple[Recording, np.ndarray]]:
+    """The recordings of the demo speaker, each with its samples; see demo_corpus.
+
+    Args:
+        sentences: Sentences by emotion.
+        title: Of the progress bar.
+        rounds: How often each is said.
+        workers: Threads.
+        seed: Of every choice.
+    """
     takes = [take for emotion, said in sentences.items() for take in _takes(emotion, said, rounds, seed)]
     with ThreadPoolExecutor(workers or cpu_count()) as pool:
-        recordings = pool.map(partial(_record, load_voice("embedded")), takes)
-        progress = tqdm(recordings, "building the demo corpus", len(takes), unit="recording")
-        return build_database(progress, {**PROVENANCE, "settings": {"rounds": rounds, "seed": seed}})
+        performed = pool.map(partial(_record, load_voice("embedded")), takes)
+        yield from tqdm(performed, title, len(takes), unit="recording", disable=None)
 
 
 @dataclass(frozen=True)
@@ -135,12 +155,12 @@ def _takes(emotion: str, sentences: Sequence[str], rounds: int, seed: int) -> li
     ]
 
 
-def _record(voice: Voice, take: _Take) -> Recording:
+def _record(voice: Voice, take: _Take) -> tuple[Recording, np.ndarray]:
     generator = np.random.default_rng(take.seed)
     samples, stresses = _speak(voice, take, generator)
     features = speech_features(samples)
     keypoints = gesture(stresses, len(features), take.style, generator)
-    return Recording(take.name, keypoints, features, {"emotion": take.emotion})
+    return Recording(take.name, keypoints, features, {"emotion": take.emotion}), samples
 
 
 def _speak(voice: Voice, take: _Take, generator: np.random.Generator) -> tuple[np.ndarray, list[list[float]]]:

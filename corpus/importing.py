@@ -112,7 +112,7 @@ def _import(job: Job) -> tuple[list[Recording], Source]:
     """Of several takes, those that cannot be used are counted; if none can, it is the first that is told."""
     recordings: list[Recording] = []
     frames: Counter[str] = Counter()
-    digests = {str(job.path): _digest(job.path)}
+    digests = {str(job.path): file_digest(job.path)}
     problem = ""
     for take in reader_of(job.path).read(job.path):
         try:
@@ -120,7 +120,7 @@ def _import(job: Job) -> tuple[list[Recording], Source]:
             features = take.features
             if features is None:
                 sound = skeleton.sound_file(job.path, job.sounds)
-                digests[str(sound)] = _digest(sound)
+                digests[str(sound)] = file_digest(sound)
                 features = speech_features(load_audio(sound))
                 if (features[:, COEFFICIENTS] <= FLOOR).all():
                     raise FileFormatError(f"{sound} is silent from beginning to end")
@@ -151,7 +151,7 @@ def _is_fresh(part: Path) -> bool:
     if not part.exists():
         return False
     digests = load_source(part).digests.items()
-    return all(Path(path).exists() and _digest(Path(path)) == digest for path, digest in digests)
+    return all(Path(path).exists() and file_digest(Path(path)) == digest for path, digest in digests)
 
 
 def _save(part: Path, recordings: list[Recording], source: Source) -> None:
@@ -173,7 +173,12 @@ def _save(part: Path, recordings: list[Recording], source: Source) -> None:
         )
 
 
-def _digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """BLAKE2b of a file, by which a Source knows it.
+
+    Raises:
+        FileFormatError: It cannot be read.
+    """
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
