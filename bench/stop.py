@@ -26,7 +26,7 @@ from gesture_bot.cli.demo import running_graph
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.nodes.node import PLAN
 from gesture_bot.retarget.robot import load_robot
-from gesture_bot.servo.models import TICKS_PER_RADIAN, signed
+from gesture_bot.servo.models import find_model, signed
 from gesture_bot.servo.virtual_bus import open_pseudo_terminal, serve, servo_specs
 from gesture_bot.servo.virtual_servo import VirtualServo
 from gesture_bot.servo.virtual_wire import VirtualWire
@@ -36,6 +36,7 @@ TEXT = (
     "Hello, today we walk along the river and count the boats that pass, and then we go on to the old "
     "market, where people sell bread and flowers, and in the evening we sit by the fire and tell stories. "
 )
+TICKS_PER_RADIAN = find_model(ROBOT.servos[0].model).ticks_per_radian
 FAST = 0.8
 """A joint this fast is in full swing [rad/s]."""
 
