@@ -103,7 +103,7 @@ def demo_corpus(
     takes = [take for emotion, said in sentences.items() for take in _takes(emotion, said, rounds, seed)]
     with ThreadPoolExecutor(workers or cpu_count()) as pool:
         recordings = pool.map(partial(_record, load_voice("embedded")), takes)
-        progress = tqdm(recordings, "building the demo corpus", len(takes), unit="recording")
+        progress = tqdm(recordings, "building the demo corpus", len(takes), unit="recording", disable=None)
         return build_database(progress, {**PROVENANCE, "settings": {"rounds": rounds, "seed": seed}})
 
 

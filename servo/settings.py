@@ -81,7 +81,8 @@ def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
         return Inspection(servo, problems=(SHARED if servo.id in bus.scan() else SILENT,))
     number, firmware = bus.read(servo.id, "Model Number"), bus.read(servo.id, "Firmware Version")
     if number != find_model(servo.model).number:
-        return Inspection(servo, firmware, problems=(f"is of the model {model_name(number)}",))
+        problem = f"is of the model {model_name(number)}, and the robot's file says {servo.model}"
+        return Inspection(servo, firmware, problems=(problem,))
     problems = [f"reports {error}" for error in hardware_errors(bus.read(servo.id, "Hardware Error Status"))]
     if firmware < WATCHDOG_FIRMWARE:
         problems.append(f"has no watchdog: it comes with firmware {WATCHDOG_FIRMWARE}. Update it")

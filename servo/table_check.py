@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.models import MODELS
+from gesture_bot.servo.models import BAUD_RATES, MODELS
 from gesture_bot.servo.table import ServoTable
 
 LAST_TICK = 4095
@@ -12,7 +12,10 @@ LAST_TICK = 4095
 
 
 def table_problems(robot: Robot) -> Iterator[str]:
-    """What does not fit, a line each: unknown models, ranges over a servo's turn, speeds over its own."""
+    """What does not fit, a line each: baud rate, models, ranges over a servo's turn, speeds over its own."""
+    rates = sorted(BAUD_RATES.values())
+    if robot.bus.baudrate not in rates:
+        yield f"no servo speaks at {robot.bus.baudrate} bit/s, but at {', '.join(map(str, rates))}"
     unknown = sorted({servo.model for servo in robot.servos} - MODELS.keys())
     if unknown:
         yield f"unknown models: {', '.join(unknown)}"
