@@ -43,7 +43,7 @@ def chosen(path: Path, robot: Robot) -> np.ndarray:
 
 
 def asked(path: Path) -> np.ndarray:
-    """(n, 7, 3) directions of the people."""
+    """(n, 8, 3) directions of the people."""
     take = next(iter(reader_of(path).read(path)))
     return directions(in_pelvis_frame(in_standard_size(load_skeleton("trinity").keypoints(take))))
 
@@ -74,7 +74,7 @@ def main() -> None:
     }
     rows = {
         name: {f"{who}_off_person_deg": round(float(error[:, i].mean()), 1) for who, error in errors.items()}
-        for i, name in enumerate(DIRECTIONS)
+        for i, name in enumerate(DIRECTIONS[:-1])
     }
     for title, figures in (("joints", joints), ("directions", rows)):
         table = Table(title, *next(iter(figures.values())))

@@ -55,7 +55,7 @@ class PerLinkIK:
         self._stages = [stage for side, arm, row in sides for stage in self._arm(side, arm, row)]
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(j,) angles for (7, 3) directions in the torso's frame, from those of the frame before [rad]."""
+        """(j,) angles for (8, 3) directions in the torso's frame, from those of the frame before [rad]."""
         angles, mapping = previous.copy(), self._robot.mapping
         for stage in self._stages:
             self._kinematics.place(angles)

@@ -51,7 +51,7 @@ def command(options: argparse.Namespace) -> int:
     _make_room(options.output, parts)
     imported = import_files(jobs, min(options.workers, len(jobs)))
     try:
-        problems = list(tqdm(imported, "importing", len(jobs), unit="file"))
+        problems = list(tqdm(imported, "importing", len(jobs), unit="file", disable=None))
     except KeyboardInterrupt:
         print(f"interrupted; {parts} keeps what is done: the same command goes on there", file=sys.stderr)
         raise

@@ -208,7 +208,9 @@ def _parser() -> argparse.ArgumentParser:
     check = tasks.add_parser(
         "check",
         help="check a robot's mapping",
-        description="Check a robot's limits, chains, axes, rest pose, reach and servo table.",
+        description="Check a robot's limits, chains, axes, rest pose, reach and servo table. `ok` is well; "
+        "`look` may be meant so, and is worth a look at the robot or its picture; `bad` must be mended, and "
+        "makes the exit status 1.",
     )
     check.add_argument("robot", metavar="NAME|FILE.yaml", help="robot")
     check.add_argument("-o", "--output", type=Path, metavar="PICTURE.png", help="draw its rest pose, too")

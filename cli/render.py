@@ -78,7 +78,7 @@ def motion(
     stop = LEAD_IN + len(speech) + LEAD_OUT
     frames: dict[int, np.ndarray] = {}
     points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False)
+    progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False, disable=None)
     for _, clip in refined_windows(selector, speech, progress):
         frames.update(enumerate(clip.keypoints, clip.start))
         plan = retargeter.push(clip)

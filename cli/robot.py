@@ -45,16 +45,19 @@ def command(options: argparse.Namespace) -> int:
 
 
 def _add(urdf: Path, output: Path, console: Console) -> int:
+    xml = read_urdf(urdf)
     if output.suffix not in MAPPINGS:
         raise InvalidValueError("cannot write a mapping into this kind of file", output.name, MAPPINGS)
-    if output.exists():
-        raise InvalidValueError("will not write over a mapping; choose another name with -o", str(output))
-    description = propose(urdf.stem, read_urdf(urdf), os.path.relpath(urdf, output.parent))
+    picture = output.with_suffix(".png")
+    for path in (output, picture):
+        if path.exists():
+            raise InvalidValueError("will not write over a file; choose another name with -o", str(path))
+    description = propose(urdf.stem, xml, os.path.relpath(urdf, output.parent))
     write_mapping(output, description)
     robot = load_robot(str(output))
     _print_findings(robot, console)
     console.print(f"wrote {output}", soft_wrap=True)
-    _draw(robot, output.with_suffix(".png"), console)
+    _draw(robot, picture, console)
     console.print(
         f"\nLook at the picture, correct {output.name}, then: gesture-bot robot check {output}\n"
         f"After you have corrected links, the arms hang anew with: gesture-bot robot rest {output}\n"
@@ -91,7 +94,10 @@ def _print_findings(robot: Robot, console: Console) -> bool:
     for finding in findings:
         table.add_row(Text(finding.check), Text(finding.state, _STYLES[finding.state]), Text(finding.text))
     console.print(table)
-    return any(finding.state == "bad" for finding in findings)
+    states = [finding.state for finding in findings]
+    look, bad = states.count("look"), states.count("bad")
+    console.print(f"{look} to look at, {bad} bad" if look or bad else "all is well")
+    return bad > 0
 
 
 def _draw(robot: Robot, picture: Path, console: Console) -> None:

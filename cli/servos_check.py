@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
+from gesture_bot.base.errors import BusError
 from gesture_bot.cli.servo_bus import open_robot, release
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.settings import Inspection, apply, inspect
@@ -18,12 +19,16 @@ def command(options: argparse.Namespace) -> int:
         The exit status: 0 when all is as it should be, at the end.
 
     Raises:
-        GestureBotError: There is no such robot or port, or a servo stops answering.
+        GestureBotError: There is no such robot or port, nobody answers, or a servo stops to.
     """
     console = Console(highlight=False, markup=False, soft_wrap=True)
     with open_robot(options) as (robot, bus):
+        if not bus.is_clear(robot.servos[0].id) and not bus.scan():
+            rate = robot.bus.baudrate
+            raise BusError(f"nobody answers at {rate} bit/s: is the power on? Another --port?", bus.port)
         inspections = [
-            inspect(bus, robot, servo) for servo in tqdm(robot.servos, "checking", unit="servo", leave=False)
+            inspect(bus, robot, servo)
+            for servo in tqdm(robot.servos, "checking", unit="servo", leave=False, disable=None)
         ]
         console.print(_table(inspections))
         for one in inspections:
@@ -47,7 +52,7 @@ def command(options: argparse.Namespace) -> int:
 def _apply(bus: Bus, inspections: list[Inspection]) -> None:
     to_change = [one for one in inspections if one.changes]
     release(bus, [one.servo.id for one in to_change])
-    for one in tqdm(to_change, "changing", unit="servo", leave=False):
+    for one in tqdm(to_change, "changing", unit="servo", leave=False, disable=None):
         apply(bus, one.servo, one.changes)
 
 

@@ -26,7 +26,9 @@ def command(options: argparse.Namespace) -> int:
     """
     port, old, new = options.port or only_port(), options.old, options.new
     check_new_address(new, options.set_baudrate or options.baudrate or 57_600)
-    before = options.baudrate or find_baudrate(port, old, tqdm(LIKELY, "looking", unit="rate", leave=False))
+    before = options.baudrate or find_baudrate(
+        port, old, tqdm(LIKELY, "looking", unit="rate", leave=False, disable=None)
+    )
     after = options.set_baudrate or before
     if after != before:
         with closing(Bus(port, after)) as bus:

@@ -20,7 +20,9 @@ def command(options: argparse.Namespace) -> int:
     ports, rates = options.ports or find_ports(), options.baudrate or LIKELY
     found: list[Found] = []
     refusals: dict[str, BusError] = {}
-    with tqdm(total=len(ports) * len(rates), desc="looking", unit="rate", leave=False) as progress:
+    with tqdm(
+        total=len(ports) * len(rates), desc="looking", unit="rate", leave=False, disable=None
+    ) as progress:
         for port in ports:
             for baudrate in rates:
                 progress.set_postfix_str(f"{port} {baudrate} bit/s, {len(found)} found")

@@ -164,7 +164,7 @@ def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row
     if free.reach(refined=False) == 0:
         raise InvalidValueError("no hand moves in the database: there is nothing to measure")
     rows = []
-    for name, constraint in tqdm(CONTROLS.items(), "trying the controls", unit="control"):
+    for name, constraint in tqdm(CONTROLS.items(), "trying the controls", unit="control", disable=None):
         sequences, frames = np.nonzero(eligible(controls.admit([constraint]).mask))
         left = database.starts[sequences, None] + frames[:, None] + np.arange(WINDOW)
         selector = Selector(database, gestures={}, emotions=NEUTRAL)

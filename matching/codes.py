@@ -113,7 +113,9 @@ class FrameCodes:
 def _parts(stream: Stream, starts: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
     """Parts of the sequences, with their z-scored frames (s, 64 + reach of a feature, d)."""
     frames = np.arange(SEQUENCE + stream.offsets[-1])
-    for begin in tqdm(range(0, len(starts), TOGETHER), "indexing the database", leave=False, delay=3):
+    for begin in tqdm(
+        range(0, len(starts), TOGETHER), "indexing the database", leave=False, delay=3, disable=None
+    ):
         part = slice(begin, begin + TOGETHER)
         yield part, stream.z_scored(stream.frames[starts[part, None] + frames])
         stream.release()

@@ -20,6 +20,9 @@ CLOSE = 0.01
 ASKEW = 30.0
 """An axis that is farther off than this is probably the wrong one [degrees]."""
 
+WILD = 200.0
+"""Gestures ask for an eighth of this acceleration, and a geared servo hardly reaches it [rad/s^2]."""
+
 SHORT = 25.0
 """A pose that a bone misses by more is out of reach [degrees]."""
 
@@ -54,6 +57,9 @@ def check_mapping(robot: Robot) -> list[Finding]:
 
 def _limits(robot: Robot) -> Finding:
     limits = robot.limits
+    wild = [joint for joint, most in zip(robot.joints, limits.acceleration, strict=True) if most > WILD]
+    if wild:
+        return Finding("limits", "look", f"faster than {WILD:g} rad/s2: {', '.join(wild)}")
     ranges = np.degrees(limits.upper - limits.lower)
     stiff = [joint for joint, turn in zip(robot.joints, ranges, strict=True) if turn < 5]
     if stiff:

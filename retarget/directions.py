@@ -7,9 +7,10 @@ from gesture_bot.base.keypoints import INDEX
 DIRECTIONS = (
     "left_upper_arm", "left_forearm", "left_palm",
     "right_upper_arm", "right_forearm", "right_palm",
-    "face",
+    "face", "hands",
 )  # fmt: skip
-"""The rows of every (..., 7, 3) array of directions. A palm points out of it, the face where it looks."""
+"""The rows of every (..., 8, 3) array of directions. A palm points out of it, the face where it looks;
+`hands` is the way from the right wrist to the left, in lengths of an arm."""
 
 HEAD_LEAN = 0.18
 """How far the line from the neck to the top of the head leans forward when one looks straight ahead [rad]."""
@@ -26,23 +27,26 @@ def directions(keypoints: np.ndarray) -> np.ndarray:
         keypoints: (..., 17, 3) positions [m].
 
     Returns:
-        (..., 7, 3) vectors, rows as in DIRECTIONS, of unit length but for the palms, which are shorter. An
-        arm's are zero where its keypoints coincide.
+        (..., 8, 3) vectors, rows as in DIRECTIONS, of unit length but for the palms, which are shorter, and
+        the hands. An arm's are zero where its keypoints coincide.
     """
     at = {name: keypoints[..., index, :] for name, index in INDEX.items()}
     up = _unit(at["neck"] - at["spine"])
     left = _unit(_across(at["left_shoulder"] - at["right_shoulder"], up))
     forward = np.cross(left, up)
-    rows = []
+    rows, lengths = [], []
     for side, sign in (("left", -1.0), ("right", 1.0)):
-        forearm = _unit(at[f"{side}_wrist"] - at[f"{side}_elbow"])
+        bones = at[f"{side}_elbow"] - at[f"{side}_shoulder"], at[f"{side}_wrist"] - at[f"{side}_elbow"]
+        lengths += [np.linalg.norm(bone, axis=-1, keepdims=True) for bone in bones]
+        upper_arm, forearm = map(_unit, bones)
         knuckles = at[f"{side}_index"] - at[f"{side}_wrist"], at[f"{side}_little"] - at[f"{side}_wrist"]
         palm = sign * _unit(np.cross(*knuckles))
-        rows += [_unit(at[f"{side}_elbow"] - at[f"{side}_shoulder"]), forearm, _across(palm, forearm)]
+        rows += [upper_arm, forearm, _across(palm, forearm)]
+    hands = 2 * (at["left_wrist"] - at["right_wrist"]) / np.maximum(sum(lengths), 1e-9)
     torso = np.stack([forward, left, up], axis=-1)
     crown = _unit(at["head_top"] - at["neck"])
-    arms, crown = np.stack(rows, axis=-2) @ torso, crown[..., None, :] @ torso
-    return np.concatenate([arms, _face(crown)], axis=-2)
+    seen = np.stack([*rows, crown, hands], axis=-2) @ torso
+    return np.concatenate([seen[..., :6, :], _face(seen[..., 6:7, :]), seen[..., 7:, :]], axis=-2)
 
 
 def _face(crown: np.ndarray) -> np.ndarray:

@@ -12,6 +12,8 @@ from gesture_bot.retarget.description import Arm, Joint, RobotDescription
 _HEAD = """\
 # {name}: how people's keypoints map to its links, and which servo turns which joint.
 # Proposed from the URDF alone. Correct it, then: gesture-bot robot check {file}
+# toa.yaml, which comes with gesture_bot (config/robots), explains all keys, and those that are not here:
+# mark of a joint; warm_degc, hot_degc, on_fault and on_stop of the bus.
 urdf: {urdf}
 
 # Links whose frames stand for parts of the human body. Axes are unit vectors in the link's own frame.

@@ -26,6 +26,9 @@ POSES: dict[str, Pose] = {
 WAVE: tuple[Pose, Pose] = ((0.2, 0.8, -0.5), (0.3, 0.9, 0.8)), ((0.2, 0.8, -0.5), (0.3, 0.0, 0.9))
 """A hand that waves goes from one of these to the other."""
 
+APART = 2.0
+"""Hands so far from each other [arm lengths] are left to the directions."""
+
 _LONGEST = 30
 """Frames after which a pose is taken for reached."""
 
@@ -56,6 +59,7 @@ def taken_up(robot: Robot, solver: DirectionSolver, pose: Pose, start: np.ndarra
     """(j,) angles of the robot when it has moved from (j,) others into a pose of both arms [rad]."""
     targets = solver.reached(robot.rest)
     targets[BONES] = both_arms(pose)
+    targets[-1] = [0.0, APART, 0.0]
     angles = start
     for _ in range(_LONGEST):
         before, angles = angles, solver.solve(targets, angles)

@@ -26,7 +26,7 @@ _TO_ZERO = 0.05
 _REACH = 0.2
 """Weight of what the poses of `reach` miss beside what the rest pose misses."""
 
-_BENT = 10.0
+_BENT = 30.0
 """Weight of angles far from zero beside that [degrees^2/rad^2]."""
 
 

@@ -135,6 +135,14 @@ def _limits(root: ElementTree.Element, description: RobotDescription) -> JointLi
 
 def _joint_limits(name: str, joint: Joint, element: ElementTree.Element) -> tuple[float, float, float, float]:
     given = joint_range(element)
+    for key, wider in (
+        ("lower", -np.inf < joint.lower < given.lower),
+        ("upper", np.inf > joint.upper > given.upper),
+        ("velocity", np.inf > joint.velocity > given.velocity),
+    ):
+        if wider:
+            message = f"{key} of {name} may narrow the URDF's {getattr(given, key):.5g}, and is beyond it"
+            raise RobotError(message, getattr(joint, key))
     lower, upper = max(given.lower, joint.lower), min(given.upper, joint.upper)
     velocity = min(given.velocity, joint.velocity)
     if not (-np.inf < lower < upper < np.inf and 0 < velocity < np.inf):

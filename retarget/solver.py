@@ -8,7 +8,17 @@ from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.robot import Robot
 
 WEIGHTS = np.array([1.0, 1.0, 0.3, 1.0, 1.0, 0.3, 1.0])
-"""Of the squared errors of DIRECTIONS. A palm is to turn the wrist, and hardly to bend the arm."""
+"""Of the squared errors of DIRECTIONS but the hands. A palm is to turn the wrist, hardly to bend the arm."""
+
+CONTACT = 0.5
+"""Weight of the way between the wrists, where a person's are on one point. Hands that touch are to touch: by
+directions alone they do so only on a robot with the person's proportions."""
+
+TOUCHING = 0.4
+"""With wrists this far apart it is a factor e less, twice as far e^4 [arm lengths]."""
+
+HEIGHT = 0.2
+"""Weight of the difference of the wrists' heights, always: which hand is higher is to stay so."""
 
 TO_PREVIOUS = 0.02
 """Weight of the squared distance to the angles before [1/rad^2]. It prevents jumps where an angle hardly
@@ -26,8 +36,11 @@ CROWDED = 0.3
 BACKWARD_STEPS = 8
 """Where a pose would still touch the robot itself, the way back to the last one is searched in such steps."""
 
-_ORDER = np.array([0, 1, 4, 2, 3, 5, 6])
-"""From bones (left upper arm, left forearm, right ...) and axes (palms, face) to DIRECTIONS."""
+_ORDER = np.array([0, 1, 4, 2, 3, 5, 6, 7])
+"""From bones (left upper arm, left forearm, right ...), axes (palms, face) and the hands to DIRECTIONS."""
+
+_FOREARMS = [1, 4]
+"""Of DIRECTIONS."""
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """Indices of a cross product, which numpy.cross is slow at."""
@@ -42,8 +55,9 @@ changes by the smallest is the last."""
 class DirectionSolver:
     """Joint angles whose links point as a person's do.
 
-    Minimises, inside the position limits, the weighted squared differences of directions and the weighted
-    squared distances to the angles before and to the rest pose, and keeps the arms off the robot itself.
+    Minimises, inside the position limits, the weighted squared differences of directions and of the way
+    between the wrists, and the weighted squared distances to the angles before and to the rest pose, and
+    keeps the arms off the robot itself.
     Joints between base and torso stay where they are.
 
     Args:
@@ -76,23 +90,24 @@ class DirectionSolver:
         self._check_bones()
         self._below_torso = ~self._kinematics.joints_above(self._torso[0])
         self._clearance = Clearance(robot, self._kinematics)
-        arm = float(self._lengths().sum()) / 2
-        self._kept, self._crowded = KEPT * arm, CROWDED * arm
+        self._arm = float(self._lengths().sum()) / 2
+        self._kept, self._crowded = KEPT * self._arm, CROWDED * self._arm
 
     def solve(self, targets: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """The angles for one frame.
 
         Args:
-            targets: (7, 3) directions in the torso's frame, rows as in DIRECTIONS.
+            targets: (8, 3) directions in the torso's frame, rows as in DIRECTIONS.
             previous: (j,) angles of the frame before [rad].
 
         Returns:
             (j,) angles inside the limits [rad].
         """
         angles, lower, upper = previous, self._limits.lower, self._limits.upper
+        weights = np.append(self._weights, _weights_of_hands(targets))
         for _ in range(ITERATIONS):
             current, jacobian = self.linearise(angles)
-            weighted = jacobian.T * self._weights
+            weighted = jacobian.T * weights
             hessian = weighted @ jacobian
             hessian.flat[:: len(angles) + 1] += TO_PREVIOUS + TO_REST
             gradient = (
@@ -114,11 +129,11 @@ class DirectionSolver:
         return self._clear(previous, np.clip(angles, lower, upper))
 
     def reached(self, angles: np.ndarray) -> np.ndarray:
-        """The robot's own (7, 3) directions at (j,) angles [rad], in its torso's frame."""
+        """The robot's own (8, 3) directions at (j,) angles [rad], in its torso's frame."""
         return self.linearise(angles)[0]
 
     def linearise(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The robot's (7, 3) directions in its torso's frame, and their (21, j) derivatives.
+        """The robot's (8, 3) directions in its torso's frame, and their (24, j) derivatives.
 
         Args:
             angles: (j,) [rad].
@@ -133,14 +148,16 @@ class DirectionSolver:
             self._measured, np.concatenate([ends, starts, data.xpos[self._turned]])
         )
         moving = (jacobians[:4, 0] - jacobians[4:8, 0]) / lengths[:, None]
+        hands = (ends[1] - ends[3]) / self._arm
+        parting = (jacobians[1, 0] - jacobians[3, 0]) / self._arm
         moving -= bones[:, :, None] * (bones[:, None] @ moving)
         axes = data.xmat[self._turned].reshape(-1, 3, 3) @ self._axes[:, :, None]
         turning = jacobians[8:, 1]
         turning = turning[:, _NEXT] * axes[:, _LAST] - turning[:, _LAST] * axes[:, _NEXT]
 
         torso = data.xmat[self._torso[0]].reshape(3, 3) @ self._torso_axes
-        directions = np.concatenate([bones, axes[:, :, 0]])[_ORDER] @ torso
-        jacobian = torso.T @ np.concatenate([moving, turning])[_ORDER] * self._below_torso
+        directions = np.concatenate([bones, axes[:, :, 0], hands[None]])[_ORDER] @ torso
+        jacobian = torso.T @ np.concatenate([moving, turning, parting[None]])[_ORDER] * self._below_torso
         return directions, jacobian.reshape(-1, len(angles))
 
     def _clear(self, previous: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -173,6 +190,13 @@ class DirectionSolver:
 
     def _links(self, *names: str) -> np.ndarray:
         return np.array([self._kinematics.link(name) for name in names])
+
+
+def _weights_of_hands(targets: np.ndarray) -> np.ndarray:
+    """(3,) of the squared errors of the hands: the more, the nearer they are. None if an arm is not seen."""
+    seen = np.linalg.norm(targets[_FOREARMS], axis=1).prod()
+    contact = CONTACT * np.exp(-(targets[-1] @ targets[-1]) / TOUCHING**2)
+    return seen * (contact + np.array([0.0, 0.0, HEIGHT]))
 
 
 def _bounded_step(

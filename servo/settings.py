@@ -68,7 +68,8 @@ def inspect(bus: Bus, robot: Robot, servo: ServoEntry) -> Inspection:
     number, firmware = bus.read(servo.id, "Model Number"), bus.read(servo.id, "Firmware Version")
     model = find_model(servo.model)
     if number != model.number:
-        return Inspection(servo, firmware, problems=(f"is of the model {model_name(number)}",))
+        problem = f"is of the model {model_name(number)}, and the robot's file says {servo.model}"
+        return Inspection(servo, firmware, problems=(problem,))
     problems = [f"reports {error}" for error in hardware_errors(bus.read(servo.id, "Hardware Error Status"))]
     if firmware < (needed := model.series.watchdog_firmware):
         problems.append(f"has no watchdog: it comes with firmware {needed}. Update it")

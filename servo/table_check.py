@@ -3,12 +3,15 @@
 from collections.abc import Iterator
 
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.models import MODELS, RPM
+from gesture_bot.servo.models import BAUD_RATES, MODELS, RPM
 from gesture_bot.servo.table import ServoTable
 
 
 def table_problems(robot: Robot) -> Iterator[str]:
-    """What does not fit, a line each: unknown models, several series, ranges over a servo's turn, speeds."""
+    """What does not fit, a line each: baud rate, models, several series, ranges over a turn, speeds."""
+    rates = sorted(BAUD_RATES.values())
+    if robot.bus.baudrate not in rates:
+        yield f"no servo speaks at {robot.bus.baudrate} bit/s, but at {', '.join(map(str, rates))}"
     unknown = sorted({servo.model for servo in robot.servos} - MODELS.keys())
     if unknown:
         yield f"unknown models: {', '.join(unknown)}"

@@ -5,6 +5,7 @@
 prints the port of a bus with ROBOT's servos in its rest pose, and serves it until Ctrl-C.
 """
 
+import argparse
 import contextlib
 import json
 import os
@@ -161,15 +162,16 @@ def _child() -> None:
 
 def main() -> None:
     """Serve the bus of the robot named on the command line, or be the child of a VirtualBus."""
-    if len(sys.argv) != 2:
-        sys.exit("usage: python -m gesture_bot.servo.virtual_bus ROBOT")
-    if sys.argv[1] == CHILD:
+    parser = argparse.ArgumentParser("virtual_bus", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("robot", metavar="ROBOT", help="name, or path of its YAML file")
+    robot = parser.parse_args().robot
+    if robot == CHILD:
         _child()
         return
     from gesture_bot.retarget.robot import load_robot  # which the child does without, to start fast
 
     try:
-        with VirtualBus(load_robot(sys.argv[1])) as bus, contextlib.suppress(KeyboardInterrupt):
+        with VirtualBus(load_robot(robot)) as bus, contextlib.suppress(KeyboardInterrupt):
             print(bus.port, flush=True)
             while True:
                 time.sleep(3600)

@@ -87,6 +87,7 @@ class VirtualTable:
         self._table, self._limits, self._initial = dict(model.table), dict(limits), dict(initial)
         self._pointers: dict[int, int] = {}
         self._add_indirect(blocks)
+        self._first_indirect = min(self._pointers, default=len(self.memory))
         self._names = {item.address: name for name, item in self._table.items() if name in self._limits}
 
     @property
@@ -113,6 +114,8 @@ class VirtualTable:
     def read(self, address: int, size: int) -> bytes:
         """Some bytes of the control table; where no register lies, they are zero."""
         end = min(address + size, len(self.memory))
+        if end <= self._first_indirect:
+            return bytes(self.memory[address:end])
         return bytes(self.memory[self._target(at)] for at in range(address, end))
 
     def write(self, address: int, data: bytes) -> int:

@@ -36,11 +36,13 @@ def test_a_robot_is_added_corrected_and_checked(urdf, tmp_path, capsys):
     assert "right_forearm does not hang on left_arm_root" in " ".join(capsys.readouterr().out.split())
 
 
-def test_a_mapping_is_not_written_over(urdf, tmp_path, capsys):
-    (tmp_path / "mine.yaml").write_text("corrected by hand")
+@pytest.mark.parametrize("kept", ["mine.yaml", "mine.png"])
+def test_nothing_is_written_over(urdf, tmp_path, capsys, kept):
+    (tmp_path / kept).write_text("made by hand")
     assert main(["robot", "add", urdf]) == 1
     assert "will not write over" in capsys.readouterr().err
-    assert (tmp_path / "mine.yaml").read_text() == "corrected by hand"
+    assert (tmp_path / kept).read_text() == "made by hand"
+    assert {path.name for path in tmp_path.iterdir()} == {"mine.urdf", kept}
 
 
 def test_arms_hang_anew_and_the_rest_of_the_file_stays(tmp_path, capsys):
@@ -49,7 +51,8 @@ def test_arms_hang_anew_and_the_rest_of_the_file_stays(tmp_path, capsys):
     raised = [line.replace("rest: 0.10", "rest: 2.9") for line in lines]
     path.write_text("\n".join(raised))
     assert main(["robot", "check", str(path)]) == 0
-    assert "above the shoulder: left and right" in " ".join(capsys.readouterr().out.split())
+    told = " ".join(capsys.readouterr().out.split())
+    assert "above the shoulder: left and right" in told and "to look at, 0 bad" in told
 
     assert main(["robot", "rest", str(path)]) == 0
     assert "above the shoulder" not in " ".join(capsys.readouterr().out.split())
@@ -66,6 +69,15 @@ def test_arms_hang_anew_and_the_rest_of_the_file_stays(tmp_path, capsys):
 
 def test_toa_passes_its_check(capsys):
     assert main(["robot", "check", "toa"]) == 0
-    lines = capsys.readouterr().out
-    assert "bad" not in lines
-    assert "look " not in lines
+    assert "all is well" in capsys.readouterr().out
+
+
+def test_what_no_servo_can_do_is_told(tmp_path, capsys):
+    shutil.copy(URDF, tmp_path)
+    text = URDF.with_suffix(".yaml").read_text()
+    text = text.replace("acceleration: 20}", "acceleration: 2000}", 1).replace("1000000", "1234567")
+    (tmp_path / "mine.yaml").write_text(text)
+    assert main(["robot", "check", str(tmp_path / "mine.yaml")]) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert "faster than 200 rad/s2: head_pan" in told and "no servo speaks at 1234567 bit/s" in told
+    assert "1 to look at, 1 bad" in told

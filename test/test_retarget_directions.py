@@ -1,5 +1,7 @@
 """Directions tell the pose, whatever the body's size and heading, and the solver imitates them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -78,8 +80,9 @@ def test_the_face_turns_and_nods_with_the_top_of_the_head():
     left, down = keypoints.copy(), keypoints.copy()
     left[INDEX["head_top"]] += 0.03 * LEFT
     down[INDEX["head_top"]] += 0.10 * FORWARD - 0.03 * UP
-    assert directions(left)[-1] @ LEFT > 0.2
-    assert directions(down)[-1] @ UP < -0.2
+    face = DIRECTIONS.index("face")
+    assert directions(left)[face] @ LEFT > 0.2
+    assert directions(down)[face] @ UP < -0.2
 
 
 @pytest.mark.parametrize("pose", POSES)
@@ -90,12 +93,26 @@ def test_the_solver_points_the_robots_links_as_the_persons(pose):
     angles = robot.rest
     for _ in range(10):
         angles = solver.solve(targets, angles)
-    cosines = np.sum(solver.reached(angles) * targets, axis=1)
+    cosines = np.sum(solver.reached(angles) * targets, axis=1)[:-1]
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 3.0
     assert (angles >= robot.limits.lower - 1e-9).all()
     assert (angles <= robot.limits.upper + 1e-9).all()
     # Both arms do the same, and toa's joints are mirror images.
     np.testing.assert_allclose(angles[:5], angles[5:10], atol=1e-6)
+
+
+def test_hands_that_touch_come_closer_than_directions_alone_bring_them():
+    toa = load_robot("toa")
+    wide = toa.urdf.replace("0 0.125 0.17", "0 0.16 0.17").replace("0 -0.125 0.17", "0 -0.16 0.17")
+    solver, rest = DirectionSolver(replace(toa, urdf=wide)), toa.rest
+    touching = directions(person(FORWARD + 0.6 * OUT - 3 * UP, FORWARD + 1.1 * IN, IN))
+    apart = touching.copy()
+    apart[-1] = 2 * LEFT
+    angles = [rest, rest]
+    for _ in range(10):
+        angles = [solver.solve(*ask) for ask in zip((touching, apart), angles, strict=True)]
+    near, alone = (np.linalg.norm(solver.reached(pose)[-1]) for pose in angles)
+    assert np.linalg.norm(touching[-1]) < near < 0.9 * alone
 
 
 def test_a_pose_out_of_reach_is_approached_inside_the_limits():

@@ -133,6 +133,13 @@ def test_a_rest_pose_outside_the_limits_is_refused(tmp_path):
         load_robot(changed(tmp_path, joints={"left_elbow": joint}))
 
 
+@pytest.mark.parametrize("limit", [{"lower": -3.0}, {"upper": 3.0}, {"velocity": 100.0}])
+def test_a_limit_beyond_the_urdfs_is_refused(tmp_path, limit):
+    joint = {"id": 1, "model": "X", "direction": 1, "offset": 0.0, "rest": 0.0, "acceleration": 9, **limit}
+    with pytest.raises(RobotError, match=f"{next(iter(limit))} of head_pan may narrow"):
+        load_robot(changed(tmp_path, joints={"head_pan": joint}))
+
+
 def test_a_joint_without_a_range_is_refused(tmp_path):
     path = changed(tmp_path, urdf=lambda text: text.replace(' velocity="5"', "", 1))
     with pytest.raises(RobotError, match="head_pan"):

@@ -142,6 +142,15 @@ def test_check_names_what_no_setting_solves(capsys):
             assert problem in told
 
 
+def test_check_says_once_that_nobody_answers(capsys):
+    with recorded_bus(ROBOT) as wire:
+        for servo in wire.servos.values():
+            servo.power = False
+        assert servos("check", "toa", "--port", wire.port) == 1
+    told = capsys.readouterr().err
+    assert told.count("nobody answers at 1000000 bit/s") == 1 and wire.port in told
+
+
 def test_eeprom_is_not_changed_behind_a_running_motor():
     with recorded_bus(ROBOT) as wire, closing(Bus(wire.port, BAUDRATE)) as bus:
         bus.write(ELBOW.id, "Torque Enable", 1)

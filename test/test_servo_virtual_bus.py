@@ -143,6 +143,8 @@ def test_an_unknown_robot_is_named_without_a_traceback():
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 1
     assert "'r2d2'; valid: toa" in ended.stderr and "Traceback" not in ended.stderr
+    asked = subprocess.run([*command[:-1], "-h"], capture_output=True, text=True)
+    assert asked.returncode == 0 and "usage" in asked.stdout
 
 
 def test_group_read_and_write(port):
