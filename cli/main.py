@@ -84,11 +84,11 @@ def _parser() -> argparse.ArgumentParser:
         help=".bvh (the human skeleton), .csv (the robot's joint angles) or .gif (the robot)",
     )  # fmt: skip
     defaults = {argument.name: argument for argument in ARGUMENTS}
-    for name in ("database", "emotion", "robot", "seed"):
+    for name in ("database", "model", "emotion", "robot", "seed"):
         argument = defaults[name]
         render.add_argument(
             f"--{name}", default=argument.default, type=type(argument.default),
-            help=f"{argument.description} ({argument.default})",
+            help=argument.description + (argument.default != "") * f" ({argument.default})",
         )  # fmt: skip
     render.set_defaults(module="render")
 

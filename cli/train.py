@@ -45,7 +45,7 @@ def command(options: argparse.Namespace) -> int:
         raise
     iteration, refined, found = training.results
     print(
-        f"wrote {options.output}: the generator of iteration {iteration}\n"
-        f"Frechet distance from real motion that it has not seen: {refined:.3f}; the search alone: {found:.3f}"
+        f"wrote {options.output}: the network of iteration {iteration}\n"
+        f"Frechet distance from the real motion held out: {refined:.3f}; of the search alone: {found:.3f}"
     )
     return 0

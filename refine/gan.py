@@ -90,7 +90,9 @@ class Gan:
             losses |= {"change": change.item(), "generator_loss": loss.item(), "generator_gradient": norm}
         for name, value in losses.items():
             if not abs(value) <= LARGEST_GRADIENT:
-                raise TrainingError(f"the training has diverged in iteration {iteration}: {name} is", value)
+                raise TrainingError(
+                    f"the training has diverged in iteration {iteration}: {name} is {value:.3g}"
+                )
         return losses
 
     def made(self, found: np.ndarray, real: np.ndarray) -> np.ndarray:

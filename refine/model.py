@@ -17,8 +17,7 @@ from gesture_bot.base.keypoints import (
     from_bone_vectors,
     with_bone_lengths,
 )
-from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.speech.features import FEATURES
+from gesture_bot.corpus.database import Database
 
 ENTRY = "gesture_bot model"
 """Of the ONNX file's metadata; it holds a Card as JSON."""
@@ -167,6 +166,20 @@ class RefinementModel:
         Returns:
             (w, 64, 17, 3) [m], with the bone lengths of `keypoints`.
         """
-        assert features.shape[1:] == (SEQUENCE, FEATURES)
-        inputs = {"sound": self.card.sound_in(features), "found": self.card.gesture_in(keypoints)}
-        return self.card.gesture_out(self._session.run(None, inputs)[0], keypoints)
+        made = self.run(self.card.sound_in(features), self.card.gesture_in(keypoints))
+        return self.card.gesture_out(made, keypoints)
+
+    def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """The network alone: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""
+        return self._session.run(None, {"sound": sound, "found": found})[0]
+
+
+def load_model(path: Path, database: Database) -> RefinementModel:
+    """The model in a file, if it fits a database.
+
+    Raises:
+        FileFormatError: See RefinementModel and Card.check.
+    """
+    model = RefinementModel(path)
+    model.card.check(database)
+    return model

@@ -2,11 +2,9 @@
 
 import csv
 import hashlib
-import os
 import time
 from collections import defaultdict
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,6 @@ from tqdm import tqdm
 
 from gesture_bot.base.errors import FileFormatError, InvalidValueError, TrainingError
 from gesture_bot.base.files import write_whole
-from gesture_bot.base.keypoints import bone_vectors
 from gesture_bot.corpus.database import Database
 from gesture_bot.refine.export import export
 from gesture_bot.refine.frechet import kinematic_distance
