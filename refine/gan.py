@@ -1,5 +1,6 @@
 """One iteration of MM22's training: a Wasserstein GAN with gradient penalty, in PyTorch."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,11 @@ class Gan:
     ) -> None:  # fmt: skip
         torch.manual_seed(seed)
         self._rank = distributed.get_rank() if distributed.is_initialized() else 0
-        self._device = torch.device("cuda", self._rank) if torch.cuda.is_available() else torch.device("cpu")
+        self._device = torch.device("cpu")
+        if torch.cuda.is_available():
+            self._device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))  # of torchrun
+            torch.cuda.set_device(self._device)
+            torch.backends.cudnn.deterministic = True
         self._sound, self._gesture = (self._tensor(rows) for rows in (sound, gesture))
         self._real, self._found = (self._tensor(rows) for rows in (real, found))
         self._batch, self._seed = batch, seed

@@ -3,6 +3,7 @@
 import csv
 import itertools
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -12,14 +13,14 @@ from rclpy.parameter import Parameter
 from small_database import small_database
 
 from gesture_bot.base.errors import FileFormatError, InvalidValueError, TrainingError
-from gesture_bot.base.frames import WINDOW, KeypointClip, first_frame_after
+from gesture_bot.base.frames import WINDOW, KeypointClip, first_frame_after, frame_time
 from gesture_bot.base.keypoints import bone_lengths
 from gesture_bot.cli.main import main
 from gesture_bot.matching.hearing import Hearing
 from gesture_bot.msg import GestureWindow, SpeechFeatures
 from gesture_bot.nodes.gesture_refiner import GestureRefiner
 from gesture_bot.nodes.messages import clip_from, clip_to
-from gesture_bot.nodes.node import PLAN, STREAM
+from gesture_bot.nodes.node import PLAN, STREAM, stamp
 from gesture_bot.refine.model import RefinementModel, load_model
 from gesture_bot.refine.pairs import find_pairs, held_out
 from gesture_bot.refine.smoothing import RADIUS, WindowSmoother
@@ -221,23 +222,31 @@ def test_the_node_refines_by_the_network_or_says_why_it_smooths(trained, databas
     values = {"model": str(trained), "database": str(tmp_path / "database.safetensors")}
     overrides = [Parameter(name, value=value) for name, value in values.items()]
     node = GestureRefiner(context=listener.context, parameter_overrides=overrides)
-    start = first_frame_after(listener.now() + 1.0)
+    start = first_frame_after(listener.now() + 2.0)
     clips = [KeypointClip(start + WINDOW * n, used.keypoints[WINDOW * n :][:WINDOW]) for n in range(4)]
+    hearing = Hearing(used)
     with spun(listener.context, [node]):
         features = listener.create_publisher(SpeechFeatures, "speech/features", STREAM)
         windows = listener.create_publisher(GestureWindow, "gesture/selected", PLAN)
         wait_until(windows.get_subscription_count, 10, "the refiner")
         wait_until(lambda: listener.count_publishers("gesture/refined"), 10, "its publisher")
-        if fits:
-            wait_until(features.get_subscription_count, 10, "the refiner to listen to speech")
+        wait_until(lambda: features.get_subscription_count() == fits, 10, "whether it listens to speech")
+        for frame in range(start, clips[-1].stop):
+            message = SpeechFeatures(features=used.features[frame - start], speech=True)
+            message.header.stamp = stamp(frame_time(frame))
+            features.publish(message)
+            hearing.add_features(frame, used.features[frame - start], True)
+            time.sleep(0.002)
+        time.sleep(0.2)
         for clip in clips:
             windows.publish(clip_to(clip, "speech"))
         wait_until(lambda: len(listener.record.refined) == len(clips), 10, "refined windows")
+        listener.record.diagnostics.clear()
         wait_until(lambda: listener.record.diagnostics, 5, "how the refiner is")
-    smoother = WindowSmoother()
+    smoother, network = WindowSmoother(), NetworkRefiner(RefinementModel(trained), hearing)
     for heard, clip in zip(listener.record.refined, clips, strict=True):
-        apart = np.abs(clip_from(heard.message).keypoints - smoother.push(clip).keypoints).max()
-    assert (apart > 1e-3) == fits
+        expected = network.push(clip, "speech") if fits else smoother.push(clip)
+        np.testing.assert_allclose(clip_from(heard.message).keypoints, expected.keypoints, atol=1e-6)
     (status,) = listener.record.diagnostics[-1].message.status
     told = {value.key: value.value for value in status.values}
     assert told["refined_by"] == ("network" if fits else "smoothing")
