@@ -29,13 +29,13 @@ from gesture_bot.refine.streaming import NetworkRefiner, refined_motion
 torch = pytest.importorskip("torch", reason="training needs the extra: pip install 'gesture-bot[train]'")
 pytest.importorskip("onnx", reason="training needs the extra: pip install 'gesture-bot[train]'")
 
-ITERATIONS = 60
+ITERATIONS = 30
 
 
 def settings():
     from gesture_bot.refine.training import Settings
 
-    return Settings(width=1 / 32, batch=4, report_every=10, test_every=30)
+    return Settings(width=1 / 32, batch=4, report_every=10, test_every=10)
 
 
 def training(database, output):
@@ -83,11 +83,11 @@ def test_training_moves_the_losses(trained):
     rows = list(csv.DictReader(trained.with_suffix(".csv").open()))
     assert [int(row["iteration"]) for row in rows] == list(range(0, ITERATIONS + 1, 10))
     penalty, change = (np.array([float(row[name]) for row in rows[1:]]) for name in ("penalty", "change"))
-    assert penalty[-3:].mean() < penalty[0]
+    assert penalty[-1] < penalty[0]
     assert change[-1] > 3 * change[0] > 0
     tested = [float(row["held_out"]) for row in rows if row["held_out"]]
-    assert len(tested) == 3
-    assert len(set(tested)) == 3
+    assert len(tested) == len(rows)
+    assert len(set(tested)) == len(tested)
     assert trained.with_suffix(".png").stat().st_size > 10_000
 
 
@@ -96,7 +96,7 @@ def test_a_killed_training_goes_on_as_if_nothing_had_happened(trained, database,
     from gesture_bot.refine import training as loop
 
     def killed(self, iteration, step=gan.Gan.step):
-        if iteration == 45:
+        if iteration == 25:
             raise KeyboardInterrupt
         return step(self, iteration)
 
@@ -107,7 +107,7 @@ def test_a_killed_training_goes_on_as_if_nothing_had_happened(trained, database,
         with pytest.raises(KeyboardInterrupt):
             training(database, output).run(ITERATIONS)
     again = training(database, output)
-    assert again.iteration == 40
+    assert again.iteration == 20
     again.run(ITERATIONS)
 
     assert output.with_suffix(".csv").read_text() == trained.with_suffix(".csv").read_text()
@@ -129,11 +129,11 @@ def test_divergence_ends_the_training_and_keeps_the_checkpoint(database, tmp_pat
     from gesture_bot.refine import gan
 
     output = tmp_path / "model.onnx"
-    training(database, output).run(20)
+    training(database, output).run(10)
     checkpoint = output.with_suffix(".pt").read_bytes()
     monkeypatch.setattr(gan, "W_PENALTY", 1e12)
-    with pytest.raises(TrainingError, match="diverged in iteration 21: .*model.pt holds iteration 20"):
-        training(database, output).run(40)
+    with pytest.raises(TrainingError, match="diverged in iteration 11: .*model.pt holds iteration 10"):
+        training(database, output).run(20)
     assert output.with_suffix(".pt").read_bytes() == checkpoint
 
 
