@@ -44,3 +44,7 @@ class PortError(BusError):
 
 class DeviceError(GestureBotError):
     """A microphone or loudspeaker that is not there, or does not work."""
+
+
+class TrainingError(GestureBotError):
+    """Training that cannot go on."""

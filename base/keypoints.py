@@ -48,10 +48,23 @@ def mirror(keypoints: np.ndarray) -> np.ndarray:
     return keypoints[..., _MIRRORED, :] * np.array([1, -1, 1], keypoints.dtype)
 
 
+def bone_vectors(keypoints: np.ndarray) -> np.ndarray:
+    """Each of BONES from its parent to its child: (..., 17, 3) -> (..., 16, 3) [m]."""
+    parents, children = np.array(BONES).T
+    return keypoints[..., children, :] - keypoints[..., parents, :]
+
+
+def from_bone_vectors(vectors: np.ndarray) -> np.ndarray:
+    """Keypoints with the pelvis at the origin: (..., 16, 3) -> (..., 17, 3) [m]."""
+    keypoints = np.zeros((*vectors.shape[:-2], len(KEYPOINTS), 3), vectors.dtype)
+    for bone, (parent, child) in enumerate(BONES):
+        keypoints[..., child, :] = keypoints[..., parent, :] + vectors[..., bone, :]
+    return keypoints
+
+
 def bone_lengths(keypoints: np.ndarray) -> np.ndarray:
     """Length of each of BONES: (..., 17, 3) -> (..., 16) [m]."""
-    parents, children = np.array(BONES).T
-    return np.linalg.norm(keypoints[..., children, :] - keypoints[..., parents, :], axis=-1)
+    return np.linalg.norm(bone_vectors(keypoints), axis=-1)
 
 
 def with_bone_lengths(keypoints: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -84,11 +84,11 @@ def _parser() -> argparse.ArgumentParser:
         help=".bvh (the human skeleton), .csv (the robot's joint angles) or .gif (the robot)",
     )  # fmt: skip
     defaults = {argument.name: argument for argument in ARGUMENTS}
-    for name in ("database", "emotion", "robot", "seed"):
+    for name in ("database", "model", "emotion", "robot", "seed"):
         argument = defaults[name]
         render.add_argument(
             f"--{name}", default=argument.default, type=type(argument.default),
-            help=f"{argument.description} ({argument.default})",
+            help=argument.description + (argument.default != "") * f" ({argument.default})",
         )  # fmt: skip
     render.set_defaults(module="render")
 
@@ -124,6 +124,26 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("database", metavar="FILE", help="database file, or 'demo'")
     inspect.add_argument("-o", "--output", type=Path, metavar="PICTURE.png", help="picture (FILE's name)")
     inspect.set_defaults(module="inspect_database")
+
+    train = commands.add_parser(
+        "train",
+        help="train a network that refines what the search finds",
+        description="Train the refinement network of MM22 on a gesture database, with PyTorch (pip install "
+        "'gesture-bot[train]'), on a GPU where there is one; on several with torchrun. An interrupted "
+        "training goes on where it was. The curves are written beside the model, as .csv and .png.",
+        epilog="example: gesture-bot train mine.safetensors -o mine.onnx",
+    )
+    train.add_argument("database", metavar="DATABASE", help="database file, or 'demo'")
+    train.add_argument("-o", "--output", type=Path, required=True, metavar="MODEL.onnx", help="model file")
+    train.add_argument("--iterations", type=int, default=300_000, metavar="N", help="as MM22: 300000")
+    train.add_argument("--batch", type=int, default=100, metavar="N", help="windows in a batch (100)")
+    train.add_argument(
+        "--width", type=float, default=1.0, metavar="SHARE",
+        help="channels, as a share of MM22's: a model takes 20 MB at 1, 5 MB at 0.5 (1)",
+    )  # fmt: skip
+    train.add_argument("--seed", type=int, default=0, help="of everything that is drawn at random (0)")
+    train.add_argument("--quick", action="store_true", help="prove in two minutes that it works")
+    train.set_defaults(module="train")
 
     evaluate = commands.add_parser("evaluate", help="measure what the method does")
     measures = evaluate.add_subparsers(title="what", metavar="WHAT", required=True)

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
@@ -15,6 +16,7 @@ from gesture_bot.evaluate.robot_gif import write_robot_gif
 from gesture_bot.matching.banks import load_banks
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.matching.selector import Selector
+from gesture_bot.refine.model import RefinementModel, load_model
 from gesture_bot.refine.offline import LEAD_IN, refined_windows
 from gesture_bot.retarget.retargeter import Retargeter
 from gesture_bot.retarget.robot import load_robot
@@ -33,7 +35,8 @@ def command(options: argparse.Namespace) -> int:
     Args:
         options: speech, the sound file; output, .bvh (the human skeleton, 15 frames a second), .csv (joint
             angles [rad], 50 a second) or .gif; database, a file or "demo"; emotion, a name of
-            config/emotions.yaml; robot, of config/robots or a YAML file; seed of everything drawn at random.
+            config/emotions.yaml; robot, of config/robots or a YAML file; model, a file of
+            `gesture-bot train`, or ""; seed of everything drawn at random.
 
     Raises:
         GestureBotError: A file, name or format that is not valid.
@@ -43,14 +46,16 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError("cannot render to this kind of file", output.name, FORMATS)
     samples = load_audio(options.speech)
     robot = load_robot(options.robot)
+    database = load_database(options.database)
+    model = load_model(Path(options.model), database) if options.model else None
     selector = Selector(
-        load_database(options.database),
+        database,
         emotions=load_emotions(),
         gestures=load_banks(),
         seed=options.seed,
     )
     selector.set_emotion(options.emotion)
-    keypoints, trajectory = motion(speech_frames(samples), selector, Retargeter(robot))
+    keypoints, trajectory = motion(speech_frames(samples), selector, Retargeter(robot), model)
     if output.suffix == ".bvh":
         write_bvh(output, keypoints, FRAME_RATE)
     elif output.suffix == ".csv":
@@ -62,7 +67,10 @@ def command(options: argparse.Namespace) -> int:
 
 
 def motion(
-    speech: Sequence[SpeechFrame], selector: Selector, retargeter: Retargeter
+    speech: Sequence[SpeechFrame],
+    selector: Selector,
+    retargeter: Retargeter,
+    model: RefinementModel | None = None,
 ) -> tuple[np.ndarray, JointTrajectory]:
     """Walk speech through search, refinement and retargeting, as the nodes do.
 
@@ -70,6 +78,7 @@ def motion(
         speech: Its frames; see speech/streaming.py.
         selector: Chooses windows; fresh.
         retargeter: Of the robot; fresh.
+        model: The network that refines; without one, windows are smoothed.
 
     Returns:
         (m, 17, 3) refined keypoints [m] from the first frame of the sound, and the joint trajectory, every
@@ -79,7 +88,7 @@ def motion(
     frames: dict[int, np.ndarray] = {}
     points: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     progress = tqdm(range(stop), desc="gestures", unit="frame", leave=False, disable=None)
-    for _, clip in refined_windows(selector, speech, progress):
+    for _, clip in refined_windows(selector, speech, progress, model):
         frames.update(enumerate(clip.keypoints, clip.start))
         plan = retargeter.push(clip)
         ticks = np.rint(plan.times * 50).astype(int)

@@ -120,8 +120,11 @@ class Hearing:
         if self._last_heard > self.announced:
             # The search takes what is still to come to be like the last frame.
             stop = min(stop, max(self._last_heard, start) + 1)
-        frames = range(start, stop)
-        return np.array([self._heard.get(frame, _SILENCE)[0] for frame in frames])
+        return self.features(start, stop)
+
+    def features(self, start: int, stop: int) -> np.ndarray:
+        """(stop - start, 28) the sound of some frames; what is not known is silence."""
+        return np.array([self._heard.get(frame, _SILENCE)[0] for frame in range(start, stop)])
 
     def _hear(self, frame: int, features: np.ndarray, speech: bool) -> None:
         self._heard[frame] = features, speech

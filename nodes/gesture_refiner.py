@@ -1,33 +1,92 @@
-"""Chosen windows in, one continuous motion out."""
+"""Chosen windows and speech features in, one continuous motion out."""
 
+from pathlib import Path
 from typing import Any
 
-from gesture_bot.msg import GestureWindow
+from gesture_bot.base.errors import GestureBotError
+from gesture_bot.base.frames import KeypointClip, first_frame_after
+from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.corpus.demo import load_database
+from gesture_bot.matching.hearing import Hearing
+from gesture_bot.msg import Cut, GestureWindow, SelectorState, SpeechFeatures
 from gesture_bot.nodes.messages import clip_from, clip_to
-from gesture_bot.nodes.node import PLAN, GestureNode, diagnostic, seconds
+from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds
+from gesture_bot.nodes.placing import Placing, hear
+from gesture_bot.refine.model import load_model
 from gesture_bot.refine.smoothing import WindowSmoother
+from gesture_bot.refine.streaming import NetworkRefiner
 
 
 class GestureRefiner(GestureNode):
-    """Blends windows where they meet and smooths them; no trained network takes part yet."""
+    """Refines windows with a trained network or, without one that fits, smooths them."""
 
     def __init__(self, name: str = "gesture_refiner", **options: Any):
         super().__init__(name, **options)
+        database = self.parameter(
+            "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
+        )
+        model = self.parameter(
+            "model",
+            "",
+            "Refinement network for the database: a file of `gesture-bot train`; empty: smoothing",
+        )
         self._smoother = WindowSmoother()
+        self._network: NetworkRefiner | None = None
+        self._trouble: list[str] = []
         self._windows = self._late = 0
+        if model:
+            self._load(model, database)
+        else:
+            self.get_logger().info("no model: windows are smoothed, no network refines them")
         self._publisher = self.create_publisher(GestureWindow, "gesture/refined", PLAN)
         self.listen(GestureWindow, "gesture/selected", self._on_window, PLAN)
         self.every(1.0, self._report)
         self.waits_for("windows on gesture/selected")
 
+    def _load(self, model: str, database: str) -> None:
+        try:
+            loaded = load_database(database)
+            network = load_model(Path(model), loaded)
+        except GestureBotError as error:
+            self._trouble = [f"smooths, since the model cannot be used: {error}"]
+            self.get_logger().warning(self._trouble[0])
+            return
+        self._hearing, self._placing = Hearing(loaded), Placing(look_ahead=0.8)
+        self._network = NetworkRefiner(network, self._hearing)
+        self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
+        self.listen(Cut, "speech/cut", self._on_cut, PLAN)
+        self.listen(SelectorState, "gesture/selector_state", self._on_state, STATE)
+
+    def _on_features(self, message: SpeechFeatures) -> None:
+        placed = self._placing.place(message, self.now())
+        if placed and placed[0] >= self.now():
+            hear(self._hearing, message, *placed)
+
+    def _on_cut(self, cut: Cut) -> None:
+        self._hearing.cut(first_frame_after(self._placing.cut(cut)))
+
+    def _on_state(self, state: SelectorState) -> None:
+        self._placing.look_ahead = state.look_ahead
+
     def _on_window(self, message: GestureWindow) -> None:
-        refined = clip_to(self._smoother.push(clip_from(message)), message.source)
+        refined = clip_to(self._refined(clip_from(message), message.source), message.source)
         refined.name = message.name
         self._publisher.publish(refined)
         self._windows += 1
         self._late += seconds(message.header.stamp) < self.now()
 
+    def _refined(self, clip: KeypointClip, source: str) -> KeypointClip:
+        if self._network is None:
+            return self._smoother.push(clip)
+        self._hearing.forget(clip.start - SEQUENCE)
+        return self._network.push(clip, source)
+
     def _report(self) -> None:
+        troubles = [*self._trouble, *self.errors()]
+        refined_by = "network" if self._network else "smoothing"
         self.diagnose(
-            diagnostic("gesture refiner", self.errors(), "running", windows=self._windows, late=self._late)
-        )
+            diagnostic(
+                "gesture refiner", troubles, "running",
+                refined_by=refined_by, windows=self._windows, late=self._late,
+            )
+        )  # fmt: skip

@@ -4,10 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, get_args
 
-import numpy as np
-
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.base.frames import FRAME_RATE, KeypointClip, first_frame_after
+from gesture_bot.base.frames import FRAME_RATE, KeypointClip
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.banks import WatchedBanks
 from gesture_bot.matching.emotions import load_emotions
@@ -18,8 +16,7 @@ from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.emotions import listen_to_emotion
 from gesture_bot.nodes.messages import clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds, stamp
-from gesture_bot.speech.cuts import Cuts
-from gesture_bot.speech.liveness import Liveness
+from gesture_bot.nodes.placing import Placing, hear
 
 
 class GestureSelector(GestureNode):
@@ -44,7 +41,7 @@ class GestureSelector(GestureNode):
             False,
             "Play the windows so that the hands' beats fall on those of the speech (RG22)",
         )
-        self._look_ahead = self.parameter(
+        look_ahead = self.parameter(
             "look_ahead",
             0.8,
             "How much later than sound that is heard live, as by a microphone, its motion is seen [s]",
@@ -63,7 +60,7 @@ class GestureSelector(GestureNode):
         self._selector.set_emotion(emotion)
         self._windows = self.create_publisher(GestureWindow, "gesture/selected", PLAN)
         self._states = self.create_publisher(SelectorState, "gesture/selector_state", STATE)
-        self._cuts, self._liveness = Cuts(), Liveness()
+        self._placing = Placing(look_ahead)
         self._too_late = 0
         self._said: tuple[Any, ...] = ()
         self._refused: dict[str, str] = {}
@@ -79,37 +76,24 @@ class GestureSelector(GestureNode):
         self.every(1.0, self._reload)
         self.waits_for("features on speech/features; rests until then")
 
-    def _is_void(self, message: SpeechFeatures | Keyword) -> bool:
-        header = message.header
-        return self._cuts.void(header.frame_id, message.utterance, seconds(header.stamp))
-
-    def _is_live(self, message: SpeechFeatures | Keyword) -> bool:
-        header = message.header
-        return self._liveness.is_live(header.frame_id, message.utterance, seconds(header.stamp), self.now())
-
     def _on_features(self, message: SpeechFeatures) -> None:
-        if self._is_void(message):
+        placed = self._placing.place(message, self.now())
+        if placed is None:
             return
-        live = self._is_live(message)
-        seen = seconds(message.header.stamp) + live * self._look_ahead
+        seen, live = placed
         if seen < self.now():
             self._too_late += 1
             return
-        frame, features = first_frame_after(seen), np.asarray(message.features)
-        self._selector.hearing.add_features(frame, features, message.speech, message.header.frame_id, live)
+        hear(self._selector.hearing, message, seen, live)
         for beat in message.beats:
             self._selector.hearing.add_beat(seen + beat)
 
     def _on_keyword(self, message: Keyword) -> None:
-        if self._is_void(message):
-            return
-        stroke = seconds(message.header.stamp) + self._is_live(message) * self._look_ahead
-        self._selector.add_keyword(message.gesture, stroke, message.phrase)
+        if placed := self._placing.place(message, self.now()):
+            self._selector.add_keyword(message.gesture, placed[0], message.phrase)
 
     def _on_cut(self, cut: Cut) -> None:
-        moment = seconds(cut.header.stamp)
-        self._cuts.add(cut.header.frame_id, cut.utterance, moment)
-        self._selector.cut(moment)
+        self._selector.cut(self._placing.cut(cut))
         self._plan()
 
     def _on_emotion(self, message: Emotion) -> None:
@@ -162,7 +146,7 @@ class GestureSelector(GestureNode):
             constraints=[constraint_to(constraint) for constraint in selector.constraints],
             relaxed=selector.relaxed,
             eligible=selector.eligible,
-            look_ahead=self._look_ahead,
+            look_ahead=self._placing.look_ahead,
             late=selector.late,
         )
         state.header.stamp = stamp(self.now())

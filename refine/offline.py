@@ -9,7 +9,9 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
 from gesture_bot.matching.plan import Window
 from gesture_bot.matching.selector import Selector
+from gesture_bot.refine.model import RefinementModel
 from gesture_bot.refine.smoothing import WindowSmoother
+from gesture_bot.refine.streaming import NetworkRefiner
 from gesture_bot.speech.streaming import SpeechFrame
 
 LEAD_IN = 2 * FRAME_RATE
@@ -31,7 +33,9 @@ class SpokenMotion:
     spoken: np.ndarray
 
 
-def spoken_motion(selector: Selector, speech: Sequence[SpeechFrame]) -> SpokenMotion:
+def spoken_motion(
+    selector: Selector, speech: Sequence[SpeechFrame], model: RefinementModel | None = None
+) -> SpokenMotion:
     """Walk speech through search and refinement, up to its end; for the arguments see refined_windows.
 
     Raises:
@@ -40,7 +44,7 @@ def spoken_motion(selector: Selector, speech: Sequence[SpeechFrame]) -> SpokenMo
     refined: dict[int, np.ndarray] = {}
     spoken: dict[int, bool] = {}
     windows = []
-    for window, clip in refined_windows(selector, speech, range(LEAD_IN + len(speech))):
+    for window, clip in refined_windows(selector, speech, range(LEAD_IN + len(speech)), model):
         refined.update(enumerate(clip.keypoints, clip.start))
         spoken.update(dict.fromkeys(range(window.start, window.stop), window.source == "speech"))
         if window.source == "speech":
@@ -56,7 +60,10 @@ def spoken_motion(selector: Selector, speech: Sequence[SpeechFrame]) -> SpokenMo
 
 
 def refined_windows(
-    selector: Selector, speech: Iterable[SpeechFrame], frames: Iterable[int]
+    selector: Selector,
+    speech: Iterable[SpeechFrame],
+    frames: Iterable[int],
+    model: RefinementModel | None = None,
 ) -> Iterator[tuple[Window, KeypointClip]]:
     """Walk speech through search and refinement, as the nodes do.
 
@@ -64,6 +71,7 @@ def refined_windows(
         selector: Chooses windows; fresh.
         speech: Its frames, the first of which is heard in frame LEAD_IN; see speech.streaming.
         frames: The frames at which the selector plans, from 0 on.
+        model: The network that refines; without one, windows are smoothed.
 
     Yields:
         Each window as it was chosen, and the refined frames that replace all from their first on.
@@ -73,7 +81,8 @@ def refined_windows(
         selector.hearing.add_features(frame, heard.features, heard.speech)
         for beat in heard.beats:
             selector.hearing.add_beat(frame_time(frame) + beat)
-    smoother = WindowSmoother()
+    smoother, network = WindowSmoother(), model and NetworkRefiner(model, selector.hearing)
     for frame in frames:
         for window in selector.plan(frame_time(frame)):
-            yield window, smoother.push(KeypointClip(window.start, window.keypoints))
+            clip = KeypointClip(window.start, window.keypoints)
+            yield window, network.push(clip, window.source) if network else smoother.push(clip)

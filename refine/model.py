@@ -1,0 +1,185 @@
+"""A trained refinement network in its file, run by ONNX Runtime."""
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import onnxruntime
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from gesture_bot.base.errors import FileFormatError
+from gesture_bot.base.frames import FRAME_RATE
+from gesture_bot.base.keypoints import (
+    BONES,
+    KEYPOINTS,
+    bone_lengths,
+    bone_vectors,
+    from_bone_vectors,
+    with_bone_lengths,
+)
+from gesture_bot.corpus.database import Database
+
+ENTRY = "gesture_bot model"
+"""Of the ONNX file's metadata; it holds a Card as JSON."""
+
+FARTHEST = 0.1
+"""The database of a model and the one in use may differ so much in mean and deviation [deviations].
+
+The demo corpus, built again on another machine, differs in the last bits alone.
+"""
+
+LEAST_DEVIATION = 1e-3
+"""A number that hardly changes counts as changing so much; hips are at rest in the pelvis frame [m]."""
+
+
+class Card(BaseModel):
+    """What a model file says about itself.
+
+    Attributes:
+        version: Of the format.
+        skeleton: Names of the keypoints.
+        frame_rate: [Hz].
+        keypoint_mean, keypoint_deviation: (17, 3) of the database that it was trained on [m].
+        feature_mean, feature_deviation: (28,) of that database; z-scores the sound.
+        bone_mean, bone_deviation: (16, 3) of the bones' vectors; z-scores the gesture [m].
+        provenance: Where that database comes from: its metadata.
+        settings: With which it was trained.
+        training: How far it was, and how good it was then.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    version: int = 1
+    skeleton: tuple[str, ...] = KEYPOINTS
+    frame_rate: int = FRAME_RATE
+    keypoint_mean: list[list[float]]
+    keypoint_deviation: list[list[float]]
+    feature_mean: list[float]
+    feature_deviation: list[float]
+    bone_mean: list[list[float]]
+    bone_deviation: list[list[float]]
+    provenance: dict[str, Any]
+    settings: dict[str, Any]
+    training: dict[str, Any]
+
+    @classmethod
+    def of(cls, database: Database, rows: np.ndarray, settings: dict[str, Any]) -> Self:
+        """The card of a model that is to be trained on rows of a database."""
+        bones = bone_vectors(database.keypoints[np.unique(rows)].astype(np.float64))
+        return cls(
+            keypoint_mean=database.keypoint_mean.tolist(),
+            keypoint_deviation=database.keypoint_deviation.tolist(),
+            feature_mean=database.feature_mean.tolist(),
+            feature_deviation=database.feature_deviation.tolist(),
+            bone_mean=bones.mean(axis=0).tolist(),
+            bone_deviation=np.maximum(bones.std(axis=0), LEAST_DEVIATION).tolist(),
+            provenance=database.metadata,
+            settings=settings,
+            training={},
+        )
+
+    def sound_in(self, features: np.ndarray) -> np.ndarray:
+        """Features (..., t, 28) as the network takes them: (..., 28, t) float32."""
+        scored = (features - np.array(self.feature_mean)) / np.array(self.feature_deviation)
+        return np.ascontiguousarray(np.swapaxes(scored, -1, -2), np.float32)
+
+    def gesture_in(self, keypoints: np.ndarray) -> np.ndarray:
+        """Keypoints (..., t, 17, 3) [m] as the network takes them: (..., 48, t) float32."""
+        scored = (bone_vectors(keypoints) - np.array(self.bone_mean)) / np.array(self.bone_deviation)
+        return np.ascontiguousarray(np.swapaxes(scored.reshape(*scored.shape[:-2], -1), -1, -2), np.float32)
+
+    def gesture_out(self, gesture: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """What the network makes, (..., 48, t), as keypoints with pelvis and bone lengths of those found.
+
+        Args:
+            gesture: Of the network.
+            found: (..., t, 17, 3) keypoints that went in [m].
+
+        Returns:
+            (..., t, 17, 3) [m].
+        """
+        scored = np.swapaxes(gesture, -1, -2).astype(np.float64)
+        vectors = scored.reshape(*scored.shape[:-1], len(BONES), 3) * np.array(self.bone_deviation)
+        keypoints = from_bone_vectors(vectors + np.array(self.bone_mean)) + found[..., :1, :]
+        return with_bone_lengths(keypoints, bone_lengths(found))
+
+    def check(self, database: Database) -> None:
+        """Raise a FileFormatError with the reason where the model was not trained for a database."""
+        for name in ("keypoint", "feature"):
+            trained, here = (
+                (np.asarray(getattr(one, f"{name}_mean")), np.asarray(getattr(one, f"{name}_deviation")))
+                for one in (self, database)
+            )
+            apart = np.abs(trained[0] - here[0]) / trained[1], np.abs(here[1] / trained[1] - 1)
+            for what, distances in zip(("mean", "deviation"), apart, strict=True):
+                place = np.unravel_index(distances.argmax(), distances.shape)
+                if not distances[place] <= FARTHEST:
+                    which = f"{KEYPOINTS[place[0]]} {'xyz'[place[1]]}" if name == "keypoint" else place[0]
+                    raise FileFormatError(
+                        f"the model was trained for another database ({self.provenance.get('provenance')}): "
+                        f"the {what} of {name} {which} differs by {distances[place]:.2g} deviations"
+                    )
+
+
+class RefinementModel:
+    """A network that is ready to run, on one thread.
+
+    Attributes:
+        card: What it says about itself.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a model file.
+
+        Raises:
+            FileFormatError: It cannot be read, or is no model of this package, version and skeleton.
+        """
+        if not path.is_file():
+            raise FileFormatError(f"cannot read {path} as a model (there is no such file)")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(path, options, ["CPUExecutionProvider"])
+        except Exception as error:  # ONNX Runtime has a class of its own for every kind of damage
+            raise FileFormatError(
+                f"cannot read {path} as a model ({' '.join(str(error).split())})"
+            ) from error
+        entry = self._session.get_modelmeta().custom_metadata_map.get(ENTRY)
+        if entry is None:
+            raise FileFormatError(f"{path} is an ONNX file, but no {ENTRY}")
+        try:
+            self.card = Card.model_validate_json(entry)
+        except ValidationError as error:
+            raise FileFormatError(f"{path} was written by another version: {error}") from error
+        for key, valid in ("version", 1), ("skeleton", KEYPOINTS), ("frame_rate", FRAME_RATE):
+            if getattr(self.card, key) != valid:
+                raise FileFormatError(f"{path}: {key} of the model", getattr(self.card, key), [valid])
+
+    def refined(self, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
+        """Gestures that go with the sound, from those that the search found for it.
+
+        Args:
+            features: (w, 64, 28) speech features of windows.
+            keypoints: (w, 64, 17, 3) [m], pelvis frame.
+
+        Returns:
+            (w, 64, 17, 3) [m], with the bone lengths of `keypoints`.
+        """
+        made = self.run(self.card.sound_in(features), self.card.gesture_in(keypoints))
+        return self.card.gesture_out(made, keypoints)
+
+    def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """The network alone: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""
+        return self._session.run(None, {"sound": sound, "found": found})[0]
+
+
+def load_model(path: Path, database: Database) -> RefinementModel:
+    """The model in a file, if it fits a database.
+
+    Raises:
+        FileFormatError: See RefinementModel and Card.check.
+    """
+    model = RefinementModel(path)
+    model.card.check(database)
+    return model

@@ -1,0 +1,97 @@
+"""The generator and the critic (discriminator) of MM22's cGAN, in PyTorch (the extra `train`)."""
+
+from itertools import pairwise
+
+import torch
+from torch import nn
+
+from gesture_bot.base.keypoints import BONES
+from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.speech.features import FEATURES
+
+GESTURE = 3 * len(BONES)
+"""Numbers of a frame of gesture: the vector of every bone."""
+
+CHANNELS = (128, 256, 256, 512)
+"""Of the generator's blocks, in pairs (the authors' code)."""
+
+CRITIC_CHANNELS = (512, 256, 128)
+"""Of the critic's blocks, in pairs (the authors' code)."""
+
+SLOPE = 0.2
+"""Of the leaky ReLU."""
+
+
+def _scaled(channels: tuple[int, ...], width: float) -> list[int]:
+    return [max(4, round(width * number)) for number in channels]
+
+
+def _block(inputs: int, outputs: int, norm: type[nn.Module]) -> nn.Sequential:
+    return nn.Sequential(nn.Conv1d(inputs, outputs, 3, padding=1), norm(outputs), nn.LeakyReLU(SLOPE))
+
+
+def _pair(inputs: int, outputs: int, norm: type[nn.Module]) -> nn.Sequential:
+    return nn.Sequential(_block(inputs, outputs, norm), _block(outputs, outputs, norm))
+
+
+class Generator(nn.Module):
+    """From sound, and a gesture that the search found for it, to a gesture that goes with the sound.
+
+    MM22's text: an encoder of 8 [convolution, batch norm, ReLU] blocks, pooled after every second one but the
+    last, and a decoder of 8 that mirrors it, the last a bare convolution. As in the authors' code, not in
+    the text: skip connections, leaky ReLU, average pooling. Our own: the last convolution starts at zero, and
+    what it says is added to the gesture that was found. So training starts from that gesture; the paper's
+    generator first has to learn to repeat it.
+
+    Args:
+        width: Share of the authors' channels.
+    """
+
+    def __init__(self, width: float = 1.0) -> None:
+        super().__init__()
+        channels = _scaled(CHANNELS, width)
+        sizes = pairwise([FEATURES + GESTURE, *channels])
+        self.encoder = nn.ModuleList(_pair(*size, nn.BatchNorm1d) for size in sizes)
+        self.bottom = _pair(channels[-1], channels[-1], nn.BatchNorm1d)
+        sizes = pairwise(channels[::-1])
+        self.decoder = nn.ModuleList(_pair(below + here, here, nn.BatchNorm1d) for below, here in sizes)
+        self.decoder[-1][1] = last = nn.Conv1d(channels[0], GESTURE, 3, padding=1)
+        self.pool, self.upsample = nn.AvgPool1d(2), nn.Upsample(scale_factor=2)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+
+    def forward(self, sound: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
+        """(b, 28, t) and (b, 48, t), z-scored -> (b, 48, t); t is a multiple of 8."""
+        hidden = torch.cat([sound, gesture], dim=1)
+        skipped = []
+        for pair in self.encoder[:-1]:
+            hidden = pair(hidden)
+            skipped.append(hidden)
+            hidden = self.pool(hidden)
+        hidden = self.bottom(self.encoder[-1](hidden))
+        for pair in self.decoder:
+            hidden = pair(torch.cat([self.upsample(hidden), skipped.pop()], dim=1))
+        return gesture + hidden
+
+
+class Critic(nn.Module):
+    """How real a gesture looks with its sound: MM22's discriminator.
+
+    6 [convolution, instance norm, leaky ReLU] blocks, average pooling after every second, a linear layer.
+
+    Args:
+        width: Share of the authors' channels.
+    """
+
+    def __init__(self, width: float = 1.0) -> None:
+        super().__init__()
+        channels = _scaled(CRITIC_CHANNELS, width)
+        layers: list[nn.Module] = []
+        for size in pairwise([FEATURES + GESTURE, *channels]):
+            layers += [_pair(*size, nn.InstanceNorm1d), nn.AvgPool1d(2)]
+        frames = SEQUENCE // 2 ** len(channels)
+        self.layers = nn.Sequential(*layers, nn.Flatten(), nn.Linear(frames * channels[-1], 1))
+
+    def forward(self, sound: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
+        """(b, 28, 64) and (b, 48, 64), z-scored -> (b,)."""
+        return self.layers(torch.cat([sound, gesture], dim=1))[:, 0]

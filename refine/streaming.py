@@ -1,0 +1,110 @@
+"""Streaming refinement by a trained network: windows of 64 frames, every 8 as they are chosen."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from gesture_bot.base.frames import WINDOW, KeypointClip
+from gesture_bot.base.keypoints import KEYPOINTS, bone_lengths, with_bone_lengths
+from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.matching.hearing import Hearing
+from gesture_bot.refine.model import RefinementModel
+from gesture_bot.refine.smoothing import HISTORY, RADIUS, WindowSmoother
+from gesture_bot.speech.features import FEATURES
+
+OVERLAP = RADIUS
+"""Frames before a new window that are faded over to what the network makes of them now, knowing more."""
+
+
+def refined_motion(model: RefinementModel, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
+    """What NetworkRefiner ends up with for speech whose windows of 8 frames are all known, all at once.
+
+    Args:
+        model: The network.
+        features: (n, 28) speech features.
+        keypoints: (n, 17, 3) what the search found for them [m], pelvis frame.
+
+    Returns:
+        (n, 17, 3) [m], with the bone lengths of `keypoints`. Before the first frame, it counts as held.
+    """
+    stops = np.array([*range(WINDOW, len(keypoints), WINDOW), len(keypoints)])
+    rows = _window_rows(stops)
+    made = np.zeros(keypoints.shape)
+    windows = model.refined(features[rows], keypoints[rows])
+    for (begin, stop), window in zip(pairwise([0, *stops]), windows, strict=True):
+        _lay_over(made, window, begin, stop)
+    return with_bone_lengths(made, bone_lengths(keypoints))
+
+
+class NetworkRefiner:
+    """Refines windows as they come: those of speech by the network, rest and semantic gestures by smoothing.
+
+    With each 8 frames that are new, the network sees the 64 up to their end: it looks no further ahead than
+    the search has chosen. The motion changes over from one to the other within a window.
+
+    Args:
+        model: The network.
+        hearing: Knows the speech that the windows go with.
+    """
+
+    def __init__(self, model: RefinementModel, hearing: Hearing) -> None:
+        self._model, self._hearing = model, hearing
+        self._smoother = WindowSmoother()
+        self._start = 0
+        self._found = self._made = np.empty((0, len(KEYPOINTS), 3))
+        self._sound, self._share = np.empty((0, FEATURES)), np.empty(0)
+
+    def push(self, clip: KeypointClip, source: str) -> KeypointClip:
+        """Take the next clip; it replaces everything from its first frame on.
+
+        Args:
+            clip: See WindowSmoother.push.
+            source: Of the window; see plan.Window.
+
+        Returns:
+            As WindowSmoother.push: the last 4 frames come again, changed, with the next clip.
+
+        Raises:
+            InvalidValueError: See WindowSmoother.push.
+        """
+        smooth = self._smoother.push(clip)
+        begin = self._append(clip, source)
+        for first in range(begin, len(self._found), WINDOW):
+            stop = min(first + WINDOW, len(self._found))
+            rows = _window_rows(np.array([stop]))
+            _lay_over(self._made, self._model.refined(self._sound[rows], self._found[rows])[0], first, stop)
+        emitted = slice(-len(smooth.keypoints), None)
+        share = self._share[emitted, None, None]
+        keypoints = (1 - share) * smooth.keypoints + share * self._made[emitted]
+        return KeypointClip(smooth.start, with_bone_lengths(keypoints, bone_lengths(smooth.keypoints)))
+
+    def _append(self, clip: KeypointClip, source: str) -> int:
+        """Put a clip in place of all from its first frame on; the index of that frame."""
+        frames = np.arange(max(self._start, clip.start - HISTORY - SEQUENCE), clip.start)
+        if not len(self._found):
+            frames = frames[:0]
+        # The last frame is held over a gap.
+        before = np.minimum(frames - self._start, len(self._found) - 1)
+        shares = self._share[before]
+        step = (1 if source == "speech" else -1) / WINDOW
+        last = shares[-1] if len(shares) else 0.0
+        coming = np.clip(last + step * np.arange(1, len(clip.keypoints) + 1), 0, 1)
+        self._found = np.concatenate([self._found[before], clip.keypoints])
+        self._made = np.concatenate([self._made[before], clip.keypoints])
+        self._sound = np.concatenate([self._sound[before], self._hearing.features(clip.start, clip.stop)])
+        self._share = np.concatenate([shares, coming])
+        self._start = clip.stop - len(self._found)
+        return len(before)
+
+
+def _window_rows(stops: np.ndarray) -> np.ndarray:
+    """(w, 64) rows of the windows that end before some rows (w,); the first row is held before it."""
+    return np.maximum(stops[:, None] + np.arange(-SEQUENCE, 0), 0)
+
+
+def _lay_over(made: np.ndarray, window: np.ndarray, begin: int, stop: int) -> None:
+    """Take the frames from `begin` to `stop` from the end of a window, and fade over to it before them."""
+    made[begin:stop] = window[begin - stop :]
+    rows = np.arange(max(0, begin - OVERLAP), begin)
+    fade = 1 - (begin - rows)[:, None, None] / (OVERLAP + 1)
+    made[rows] += fade * (window[rows - stop] - made[rows])
