@@ -1,12 +1,15 @@
 """`gesture-bot evaluate quality`: MM22's table 3 in numbers."""
 
 import argparse
+from functools import partial
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.evaluate.performances import held_performances, recorded_performances
 from gesture_bot.evaluate.quality import Quality, quality_table
 from gesture_bot.evaluate.quality_files import markdown, write_quality
+from gesture_bot.refine.model import load_model
+from gesture_bot.refine.streaming import refined_motion
 
 _NOTES = """\
 {minutes:.1f} minutes of recorded motion in {pieces} pieces; in brackets 95% intervals (bootstrap).
@@ -37,7 +40,8 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError(
             "a database of yours is judged by recordings that it does not hold: --speech FILE ..."
         )
-    quality = quality_table(database, performances)
+    refine = partial(refined_motion, load_model(options.model, database)) if options.model else None
+    quality = quality_table(database, performances, refine)
     print(markdown(quality), _notes(quality), sep="\n\n")
     if options.output:
         for path in write_quality(options.output, quality, _notes(quality)):

@@ -186,6 +186,9 @@ def _parser() -> argparse.ArgumentParser:
         "--speech", nargs="+", type=Path, default=[], metavar="FILE",
         help="recordings of motion with sound or speech features (held-out sentences of the demo speaker)",
     )  # fmt: skip
+    quality.add_argument(
+        "--model", type=Path, metavar="MODEL.onnx", help="refinement network, as one more system"
+    )
     quality.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="write CSV, Markdown and plots")
     quality.set_defaults(module="evaluate_quality")
 

@@ -11,24 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-
-def frechet_distance(
-    mean: np.ndarray, covariance: np.ndarray, other_mean: np.ndarray, other_covariance: np.ndarray
-) -> np.ndarray:
-    """Squared distance |m - n|^2 + tr(C + D - 2 (C D)^(1/2)) of Gaussians.
-
-    Args:
-        mean: (..., d) of one.
-        covariance: (..., d, d) of one, symmetric.
-        other_mean: (..., d) of the other.
-        other_covariance: (..., d, d) of the other.
-    """
-    values, vectors = np.linalg.eigh(covariance)
-    root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    product = np.linalg.eigvalsh(root @ other_covariance @ root)
-    traces = np.trace(covariance, axis1=-2, axis2=-1) + np.trace(other_covariance, axis1=-2, axis2=-1)
-    apart = ((mean - other_mean) ** 2).sum(axis=-1)
-    return apart + traces - 2 * np.sqrt(np.maximum(product, 0)).sum(axis=-1)
+from gesture_bot.refine.frechet import frechet_distance
 
 
 def gaussian_sums(vectors: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gesture_bot.base.keypoints import BONES, KEYPOINTS
+from gesture_bot.base.keypoints import BONES, KEYPOINTS, bone_vectors
 
 WINDOW_FRAMES = 32
 """Frames of a window (Yoon et al. 2020: 34)."""
@@ -10,17 +10,15 @@ WINDOW_FRAMES = 32
 STEP = 4
 """Frames from one window to the next."""
 
-_UPPER = np.array([bone for bone in BONES if not KEYPOINTS[bone[1]].endswith("hip")])
+_UPPER = [not KEYPOINTS[child].endswith("hip") for _, child in BONES]
 
-CHANNELS = 3 * len(_UPPER)
+CHANNELS = 3 * sum(_UPPER)
 """Numbers of a frame."""
 
 
 def parent_relative(keypoints: np.ndarray) -> np.ndarray:
     """Bones of the upper body as vectors from the parent: (..., 17, 3) -> (..., CHANNELS) [m]."""
-    parents, children = _UPPER.T
-    bones = keypoints[..., children, :] - keypoints[..., parents, :]
-    return bones.reshape(*keypoints.shape[:-2], CHANNELS)
+    return bone_vectors(keypoints)[..., _UPPER, :].reshape(*keypoints.shape[:-2], CHANNELS)
 
 
 def sliding(values: np.ndarray, frames: int, step: int) -> np.ndarray:

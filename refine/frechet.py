@@ -19,16 +19,30 @@ def kinematic_distance(real: np.ndarray, made: np.ndarray) -> float:
     """
     ours, theirs = _kinematics(real), _kinematics(made)
     mean, deviation = ours.mean(axis=0), np.maximum(ours.std(axis=0), 1e-6)
-    return frechet_distance((ours - mean) / deviation, (theirs - mean) / deviation)
+    gaussians = [
+        (samples.mean(axis=0), np.cov(samples, rowvar=False))
+        for samples in ((ours - mean) / deviation, (theirs - mean) / deviation)
+    ]
+    return float(frechet_distance(*gaussians[0], *gaussians[1]))
 
 
-def frechet_distance(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """Squared Frechet distance of two normal distributions fitted to samples (n, d) and (m, d)."""
-    covariances = [np.cov(samples, rowvar=False) for samples in (ours, theirs)]
-    # The trace of the root of a product of two covariances, whose eigenvalues are all real and positive.
-    root = np.sqrt(np.maximum(np.linalg.eigvals(covariances[0] @ covariances[1]).real, 0)).sum()
-    apart = ((ours.mean(axis=0) - theirs.mean(axis=0)) ** 2).sum()
-    return float(apart + np.trace(covariances[0]) + np.trace(covariances[1]) - 2 * root)
+def frechet_distance(
+    mean: np.ndarray, covariance: np.ndarray, other_mean: np.ndarray, other_covariance: np.ndarray
+) -> np.ndarray:
+    """Squared distance |m - n|^2 + tr(C + D - 2 (C D)^(1/2)) of Gaussians (Dowson and Landau 1982).
+
+    Args:
+        mean: (..., d) of one.
+        covariance: (..., d, d) of one, symmetric.
+        other_mean: (..., d) of the other.
+        other_covariance: (..., d, d) of the other.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    product = np.linalg.eigvalsh(root @ other_covariance @ root)
+    traces = np.trace(covariance, axis1=-2, axis2=-1) + np.trace(other_covariance, axis1=-2, axis2=-1)
+    apart = ((mean - other_mean) ** 2).sum(axis=-1)
+    return apart + traces - 2 * np.sqrt(np.maximum(product, 0)).sum(axis=-1)
 
 
 def _kinematics(windows: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from gesture_bot.evaluate import resampling
 from gesture_bot.evaluate.beat_scores import BEAT_CONSISTENCY, SIGMA, pmb
 from gesture_bot.evaluate.bone_error import BONE_ERROR
 from gesture_bot.evaluate.encoder import LATENTS, Encoder, fgd
-from gesture_bot.evaluate.frechet import frechet_distance, half_distance, half_sums
+from gesture_bot.evaluate.frechet import half_distance, half_sums
 from gesture_bot.evaluate.kinematics import KINEMATIC_DISTANCE
 from gesture_bot.evaluate.lexicon import entropy, lexemes, lexicon
 from gesture_bot.evaluate.motion_files import write_bvh
@@ -31,6 +31,7 @@ from gesture_bot.evaluate.seams import evenness
 from gesture_bot.evaluate.systems import SMOOTHED
 from gesture_bot.evaluate.windows import parent_relative
 from gesture_bot.matching.rhythm import motion_beats
+from gesture_bot.refine.frechet import frechet_distance
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
