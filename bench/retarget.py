@@ -95,9 +95,9 @@ class ClippedAngles:
 class Nothing:
     """Clearance of a robot that is never near itself."""
 
-    def rows(self, angles: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, limit: float) -> tuple[np.ndarray, np.ndarray]:
         """No distances, nor derivatives."""
-        return np.empty(0), np.empty((0, len(angles)))
+        return np.empty(0), np.empty((0, 0))
 
     def under(self, angles: np.ndarray, limit: float) -> dict[int, float]:
         """No distances."""
