@@ -140,7 +140,7 @@ class ServoDriver(ManagedNode):
                 self.get_logger().error(text, throttle_duration_sec=1.0)
             else:
                 self._trouble = ""
-                # A state whose moment is not known would look like a jump.
+                # A state whose moment is not known would look like a jump, or an old one of a joint.
                 if feedback.prompt:
                     self._recent.append(feedback)
                     with suppress(RCLError):  # the graph may end between two cycles

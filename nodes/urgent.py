@@ -4,6 +4,7 @@ import threading
 from contextlib import suppress
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.task import Future
 
 from gesture_bot.nodes.node import GestureNode
 
@@ -28,15 +29,17 @@ class UrgentNode(GestureNode):
         )
         self._loop = SingleThreadedExecutor(context=owner.context)
         self._loop.add_node(self)
+        self._ended = Future()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def destroy_node(self) -> None:
         """End the thread, too."""
-        self._loop.shutdown()
+        self._ended.set_result(None)
         self._thread.join()
+        self._loop.shutdown()  # only now: it takes apart what a thread that spins still uses
         super().destroy_node()
 
     def _spin(self) -> None:
         with suppress(ExternalShutdownException):
-            self._loop.spin()
+            self._loop.spin_until_future_complete(self._ended)

@@ -205,7 +205,8 @@ class Driver:
         stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
         planned = np.where(stopped, np.nan, planned)
         stamp = self._reader.read_at + self._ahead
-        return Feedback(measured, speeds, efforts, planned, stamp, self._reader.prompt)
+        prompt = self._reader.prompt and bool((self._reader.fresh | self._upkeep.out).all())
+        return Feedback(measured, speeds, efforts, planned, stamp, prompt)
 
     def _compare_clocks(self, now: float) -> None:
         """Note how far `now` is ahead of the monotonic clock. The thread may have paused in between."""

@@ -19,7 +19,7 @@ class Feedback:
         efforts: (j,) [N m], from the motor current or load and the stall torque of the model.
         planned: (j,) where they were to be now [rad]; NaN where nothing is planned, or the robot holds.
         stamp: When they were asked [s since the epoch].
-        prompt: Whether they answered so soon that they measured within 4 ms of it.
+        prompt: Whether all in service answered, so soon that they measured within 4 ms of it.
     """
 
     positions: np.ndarray

@@ -306,6 +306,22 @@ def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
     driver.close()
 
 
+def test_a_state_in_which_a_servo_did_not_answer_is_told():
+    wire = simulated_bus(ROBOT)
+    driver = Driver(robot_with(on_exit="off"), wire.port)
+    driver.start()
+    told = []
+    for k in range(40):
+        wire.faults.silent = {ELBOW_ID} if 10 <= k < 12 or k >= 20 else set()
+        told.append(driver.tick(T0 + k * DT).prompt)
+    assert not any(told[10:12]), "its position is an old one"
+    assert all(told[14:20])
+    assert driver.status.silent and told[-1], (
+        "one that is gone is said to be, and the others' states are told"
+    )
+    driver.close()
+
+
 def test_a_servo_that_does_not_tell_where_it_is_is_named():
     wire = simulated_bus(ROBOT)
     bus = Bus(wire.port, ROBOT.bus.baudrate)
