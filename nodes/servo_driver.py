@@ -63,11 +63,11 @@ class ServoDriver(ManagedNode):
         self._stopping = threading.Event()
         self._loop: threading.Thread | None = None
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
+        self.every(1.0, self._report)
+        self.bring_up()
         self._urgent = UrgentNode(self)
         owners = self.resolve_topic_name("motion_mux/owners")
         self._urgent.listen(JointOwners, owners, self._on_owners, STATE)
-        self.every(1.0, self._report)
-        self.bring_up()
         self.waits_for("joint_trajectory; holds until then")
 
     def configure(self) -> None:
