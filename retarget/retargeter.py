@@ -27,6 +27,10 @@ HISTORY = 8
 CONTEXT = 4
 """Frames before a clip that shape the interpolation at its start."""
 
+SMOOTHING = 0.2
+"""Share of each neighbour in a frame's angles. Angles that are solved one by one have corners where a joint
+meets a limit or an arm the body; at 1 Hz this takes 3% of a motion, at 2 Hz 13%."""
+
 COASTING = np.array([0.75, 0.5, 0.25])
 """Share of its last velocity with which a joint goes on in each frame after a clip. Clips of one frame, as an
 operator sends them live, would otherwise be a stop each."""
@@ -44,8 +48,8 @@ FARTHEST = 100.0
 class Retargeter:
     """Plans a robot's joints from what keypoints do.
 
-    Each frame becomes joint angles, starting from those of the frame before. A cubic spline joins the
-    frames, and a Follower keeps what it asks for inside the limits.
+    Each frame becomes joint angles, starting from those of the frame before. They are smoothed a little, a
+    cubic spline joins them, and a Follower keeps what it asks for inside the limits.
 
     Args:
         robot: For whom.
@@ -132,7 +136,7 @@ class Retargeter:
 
         At the first the joints are in `state`: (2, j).
         """
-        frames = self._angles[start - CONTEXT - self._first_frame :]
+        frames = smoothed(self._angles[start - CONTEXT - self._first_frame :])
         spline = CubicSpline(np.arange(len(frames)), frames, bc_type=("natural", "clamped"))
         moments = (ticks * FRAME_RATE - (start - CONTEXT) * TICK_RATE) / TICK_RATE
         moments = np.minimum(moments, len(frames) - 1)
@@ -141,6 +145,12 @@ class Retargeter:
         position, velocity = state - targets[0]
         departure = faded(position, velocity, elapsed, HALF_LIFE)
         return (targets + np.stack(departure, axis=1))[1:]
+
+
+def smoothed(frames: np.ndarray) -> np.ndarray:
+    """(n, j) angles, each but the first and last drawn to those before and after it [rad]."""
+    bends = np.pad(np.diff(frames, 2, axis=0), ((1, 1), (0, 0)))
+    return frames + SMOOTHING * bends
 
 
 def _held(values: np.ndarray, indices: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ matters: a straight elbow leaves the upper arm's yaw free."""
 TO_REST = 0.002
 """Weight of the squared distance to the rest pose [1/rad^2]: what is free drifts home."""
 
-KEPT = 0.08
+KEPT = 0.06
 """Forearms and hands are to keep this far from the rest of the robot, as a share of the arm's length."""
 
 CROWDED = 0.3
