@@ -4,11 +4,12 @@
 block. toa, and each robot of test/installed_robots.py whose package is installed, with the mapping that
 `gesture-bot robot add` proposes. The last line is one JSON object.
 
-Whoever solves the frames, the same Retargeter plans the motion from them. Directions are those of upper arms
-and forearms, 50 times a second, the person's by cubic splines through the keypoints. The baseline of all
-frames solves the same objective without limits or self-collision, and clips the angles. Per-link inverse
-kinematics by ikpy takes 20 times as long, and solves three passages (`ikpy_`, `beside_ikpy_`). Neither rival
-knows that the robot has a body; `without_body_` is our solver when it does not know, either.
+Whoever solves the frames, the same Retargeter plans the motion; only the rivals' angles are not smoothed.
+Directions are those of upper arms and forearms, 50 times a second, the person's by cubic splines through the
+keypoints. The baseline of all frames solves the same objective without limits or self-collision, and clips
+the angles. Per-link inverse kinematics by ikpy takes 20 times as long, and solves three passages (`ikpy_`,
+`beside_ikpy_`). Neither rival knows that the robot has a body; `without_body_` is our solver when it does not
+know, either. On a robot, the safety envelope stops arms before they touch it: `sent_` is what leaves that.
 
 Then robots are asked for random unit directions, each unrelated to the last. Counted are solved frames and
 planned ticks of both parts that touch or leave limits, and touches in what leaves the safety envelope.
@@ -24,6 +25,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from machine import machine
@@ -44,12 +46,13 @@ from gesture_bot.corpus.demo import demo_database
 from gesture_bot.corpus.readers import READERS, reader_of
 from gesture_bot.corpus.skeletons import choose_skeleton, load_skeletons
 from gesture_bot.corpus.takes import motion_of
+from gesture_bot.retarget import retargeter
 from gesture_bot.retarget.clearance import Clearance
 from gesture_bot.retarget.directions import DIRECTIONS, directions
 from gesture_bot.retarget.mapping_file import write_mapping
 from gesture_bot.retarget.proposal import propose
 from gesture_bot.retarget.reach import BONES, angle_between
-from gesture_bot.retarget.retargeter import TICK_RATE, Retargeter
+from gesture_bot.retarget.retargeter import SMOOTHING, TICK_RATE, Retargeter
 from gesture_bot.retarget.robot import Robot, load_robot, read_urdf
 from gesture_bot.retarget.solver import DirectionSolver
 from gesture_bot.servo.collision_guard import CollisionGuard
@@ -108,6 +111,13 @@ def without_body(robot: Robot) -> DirectionSolver:
     solver = DirectionSolver(robot)
     solver._clearance = Nothing()
     return solver
+
+
+def at_the_bus(robot: Robot, plan: JointTrajectory) -> np.ndarray:
+    """(n, j) angles that leave the safety envelope [rad]."""
+    envelope = Envelope(robot.limits, 1 / TICK_RATE, robot.rest, CollisionGuard(robot, 1 / TICK_RATE))
+    ticks = zip(plan.positions, plan.velocities, strict=True)
+    return np.array([envelope.step(position, velocity) for position, velocity in ticks])
 
 
 class Watched:
@@ -174,36 +184,44 @@ def spread(clips: Sequence[np.ndarray], frames: int, passages: int = 3) -> list[
 
 
 def planned(robot: Robot, solver: Watched, clip: np.ndarray) -> JointTrajectory:
-    retargeter = Retargeter(robot)
-    retargeter._solver = solver
-    return retargeter.push(KeypointClip(0, clip))
+    planner = Retargeter(robot)
+    planner._solver = solver
+    return planner.push(KeypointClip(0, clip))
 
 
-def compared(robot: Robot, make: Callable[[], Solve], clips: Sequence[np.ndarray]) -> dict[str, float]:
+def compared(
+    robot: Robot, make: Callable[[], Solve], clips: Sequence[np.ndarray], smoothing: float = SMOOTHING
+) -> dict[str, float]:
     """What becomes of the clips' directions on a robot, whose frames a solver gives."""
     own, clearance = DirectionSolver(robot), Clearance(robot)
     off, jerks, spectra, busy, frames, touches, broken = [], [], [], 0.0, 0, 0, 0
     for clip in clips:
         solver = Watched(make())
-        plan = planned(robot, solver, clip)
+        with patch.object(retargeter, "SMOOTHING", smoothing):
+            plan = planned(robot, solver, clip)
         broken += violations(robot, plan)
         busy, frames = busy + solver.busy, frames + len(solver.poses)
         touches += sum(bool(clearance.under(pose, 0.0)) for pose in solver.poses)
         ticks = np.arange(ARRIVED, (len(clip) - 1) * TICK_RATE // FRAME_RATE)
         moments = ticks * FRAME_RATE / TICK_RATE
         asked = directions(CubicSpline(np.arange(len(clip)), clip)(moments))[:, BONES]
-        reached = np.array([own.reached(plan.positions[tick]) for tick in ticks])[:, BONES]
-        off.append(angle_between(reached, asked))
-        pair = np.stack([asked, reached])
-        jerks.append(np.linalg.norm(np.diff(pair, 3, axis=1), axis=-1).mean(axis=2).T * TICK_RATE**3)
-        _, power = welch(pair, TICK_RATE, nperseg=min(len(ticks), 4 * TICK_RATE), nfft=1024, axis=1)
+        shown = [
+            np.array([own.reached(position) for position in positions[ticks]])[:, BONES]
+            for positions in (plan.positions, at_the_bus(robot, plan))
+        ]
+        off.append(np.stack([angle_between(reached, asked) for reached in shown]))
+        seen = np.stack([asked, *shown])
+        jerks.append(np.linalg.norm(np.diff(seen, 3, axis=1), axis=-1).mean(axis=2).T)
+        _, power = welch(seen, TICK_RATE, nperseg=min(len(ticks), 4 * TICK_RATE), nfft=1024, axis=1)
         spectra.append(power.sum(axis=(2, 3)) * len(ticks))
-    angles, (human, robots) = np.concatenate(off), np.concatenate(jerks).mean(axis=0)
+    angles, (human, robots, sent) = np.concatenate(off, axis=1), np.concatenate(jerks).mean(axis=0)
     peaks = np.sum(spectra, axis=0).argmax(axis=1) * TICK_RATE / 1024
     return {
-        "median": float(np.median(angles)),
-        "p95": float(np.percentile(angles, 95)),
+        "median": float(np.median(angles[0])),
+        "p95": float(np.percentile(angles[0], 95)),
         "jerk_ratio": float(robots / human),
+        "sent_p95": float(np.percentile(angles[1], 95)),
+        "sent_jerk_ratio": float(sent / human),
         "input_hz": float(peaks[0]),
         "output_hz": float(peaks[1]),
         "violations": broken,
@@ -227,13 +245,17 @@ def measure(path: str, clips: Sequence[np.ndarray], ikpy_frames: int) -> dict[st
     robot = load_robot(path)
     ours = compared(robot, lambda: DirectionSolver(robot).solve, clips)
     bodiless = compared(robot, lambda: without_body(robot).solve, clips)
-    clipped = compared(robot, lambda: ClippedAngles(robot).solve, clips)
+    clipped = compared(robot, lambda: ClippedAngles(robot).solve, clips, smoothing=0.0)
     figures = {
         "direction_error_deg_median": ours["median"],
         "direction_error_deg_p95": ours["p95"],
         "baseline_p95": clipped["p95"],
         "jerk_ratio": ours["jerk_ratio"],
         "baseline_jerk_ratio": clipped["jerk_ratio"],
+        "sent_p95": ours["sent_p95"],
+        "baseline_sent_p95": clipped["sent_p95"],
+        "sent_jerk_ratio": ours["sent_jerk_ratio"],
+        "baseline_sent_jerk_ratio": clipped["sent_jerk_ratio"],
         "without_body_p95": bodiless["p95"],
         "without_body_jerk_ratio": bodiless["jerk_ratio"],
         "without_body_penetrations": bodiless["penetrations"],
@@ -248,9 +270,9 @@ def measure(path: str, clips: Sequence[np.ndarray], ikpy_frames: int) -> dict[st
     if passages := spread(clips, ikpy_frames):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # where it starts on a limit
-            ikpy = compared(robot, lambda: PerLinkIK(robot).solve, passages)
+            ikpy = compared(robot, lambda: PerLinkIK(robot).solve, passages, smoothing=0.0)
         same = compared(robot, lambda: DirectionSolver(robot).solve, passages)
-        for name in ("p95", "jerk_ratio"):
+        for name in ("p95", "jerk_ratio", "sent_p95", "sent_jerk_ratio"):
             figures |= {f"ikpy_{name}": ikpy[name], f"beside_ikpy_{name}": same[name]}
         figures["ikpy_penetrations"] = ikpy["penetrations"]
         figures["ikpy_poses_per_second"] = ikpy["poses_per_second"]
@@ -269,15 +291,15 @@ def provoke(path: str, poses: int, seed: int) -> dict[str, int]:
     def touches(positions: np.ndarray) -> int:
         return sum(bool(clearance.under(position, 0.0)) for position in positions)
 
-    retargeter, solver = Retargeter(robot), Watched(anything)
-    retargeter._solver = solver
+    planner, solver = Retargeter(robot), Watched(anything)
+    planner._solver = solver
     envelope = Envelope(robot.limits, 1 / TICK_RATE, robot.rest, CollisionGuard(robot, 1 / TICK_RATE))
     counts = dict.fromkeys(("violations", "penetrations", "planned_penetrations", "sent_penetrations"), 0)
     any_clip = demo_clips()[0][:1]
     for block in range(-(-poses // BLOCK)):
         size = min(BLOCK, poses - block * BLOCK)
         solver.poses.clear()
-        plan = retargeter.push(KeypointClip(block * BLOCK, np.repeat(any_clip, size, axis=0)))
+        plan = planner.push(KeypointClip(block * BLOCK, np.repeat(any_clip, size, axis=0)))
         # The next block begins where this plan is by then.
         ticks = slice(0, size * TICK_RATE // FRAME_RATE)
         counts["violations"] += violations(robot, plan)
