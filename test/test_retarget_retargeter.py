@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import KeypointClip, frame_time
 from gesture_bot.base.keypoints import INDEX, KEYPOINTS
+from gesture_bot.retarget.directions import directions
+from gesture_bot.retarget.reach import BONES, angle_between
 from gesture_bot.retarget.retargeter import Retargeter
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.retarget.solver import DirectionSolver
 
 ROBOT = load_robot("toa")
 EPOCH = 26_460_000_007
@@ -120,6 +124,20 @@ def test_the_robot_is_where_the_person_is_at_each_frame():
         posed.reset(trajectory.at(frame_time(EPOCH + frame))[0])
         held = posed.push(KeypointClip(0, np.repeat(keypoints[frame : frame + 1], 10, axis=0)))
         assert np.abs(held.positions[-1] - held.positions[0]).max() < 0.05
+
+
+def test_the_robot_is_not_jerkier_than_a_person_seen_by_a_camera():
+    seen = speaker(150, 1.5) + np.random.default_rng(0).normal(scale=0.004, size=(150, len(KEYPOINTS), 3))
+    plan = Retargeter(ROBOT).push(KeypointClip(0, seen))
+    ticks = np.arange(50, 450)
+    person = directions(CubicSpline(np.arange(150), seen)(ticks * 15 / 50))
+    solver = DirectionSolver(ROBOT)
+    robot = np.array([solver.reached(plan.positions[tick]) for tick in ticks])
+    persons, robots = (
+        np.linalg.norm(np.diff(rows[:, BONES], 3, axis=0), axis=-1).mean() for rows in (person, robot)
+    )
+    assert robots < 0.8 * persons
+    assert np.median(angle_between(robot[:, BONES], person[:, BONES])) < 2
 
 
 def test_points_come_every_20_ms_from_the_first_frame_to_rest():
