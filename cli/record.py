@@ -39,7 +39,7 @@ def command(options: argparse.Namespace) -> int:
         signal.signal(number, stop)
     try:
         recorder = BagRecorder(options.output, options.topics, options.overwrite)
-        begin, looked = time.monotonic(), -SETTLING
+        begin, passed, looked = time.monotonic(), 0.0, -SETTLING
         with tqdm(bar_format="{desc}", disable=None) as line:
             while not stopped:
                 recorder.drain()

@@ -26,21 +26,24 @@ def start_node(name: str) -> int:
     return _spin([node for node in NODES if node.name == name], {}, sys.argv)
 
 
-def run_graph(arguments: Sequence[str]) -> int:
-    """Run every node in this process until it is told to stop.
+def run_graph(arguments: Sequence[str], nodes: Sequence[GraphNode] = NODES, **values: str) -> int:
+    """Run nodes in this process until it is told to stop.
 
     Args:
         arguments: NAME:=VALUE strings, the same names that the launch file takes.
+        nodes: Which nodes; the whole graph.
+        values: Values of arguments that are none of the graph's.
 
     Returns:
         The exit status: 0, or 1 after an error, which is printed in one line.
     """
     keep_local()
+    used = {NAMESPACE.name, *(name for node in nodes for name in node.arguments)}
     try:
-        values = parse_arguments(arguments)
+        given = parse_arguments(arguments, [a for a in (*ARGUMENTS, NAMESPACE) if a.name in used])
     except GestureBotError as error:
         return _report(error)
-    return _spin(NODES, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
+    return _spin(nodes, {**given, **values}, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
 
 
 def parse_arguments(
