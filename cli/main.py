@@ -247,8 +247,8 @@ def _add_recordings(commands: "argparse._SubParsersAction[argparse.ArgumentParse
     record = commands.add_parser(
         "record",
         help="record the topics of a running graph",
-        description="Record every topic, or those named, into an MCAP file until Ctrl-C, while the graph runs "
-        "in another terminal. Foxglove, `ros2 bag` and rosbags open it, too.",
+        description="Record every topic, or those named, into an MCAP file until Ctrl-C, while the graph "
+        "runs in another terminal. Foxglove, `ros2 bag` and rosbags open it, too.",
         epilog="example: gesture-bot record talk.mcap",
     )
     record.add_argument("output", type=Path, metavar="OUT.mcap", help="file to write")
@@ -259,9 +259,9 @@ def _add_recordings(commands: "argparse._SubParsersAction[argparse.ArgumentParse
     replay = commands.add_parser(
         "replay",
         help="let a robot move and speak as in a recording",
-        description="Let a robot, simulated or real, move and speak as in a recording, without the graph that "
-        "makes gestures. Stop and teleoperation work as ever. Another robot than the recorded one makes the "
-        "same gestures in its own way.",
+        description="Let a robot, simulated or real, move and speak as in a recording, without the graph "
+        "that makes gestures. Stop and teleoperation work as ever. Another robot than the recorded one makes "
+        "the same gestures in its own way.",
         epilog="example: gesture-bot replay talk.mcap robot:=mine.yaml port:=/dev/ttyUSB0",
     )
     replay.add_argument("recording", type=Path, metavar="FILE.mcap", help="recording")

@@ -3,7 +3,7 @@
 import argparse
 
 from gesture_bot.nodes.graph import NODES, GraphNode
-from gesture_bot.nodes.start import run_graph
+from gesture_bot.nodes.start import run_nodes
 
 PLAYER = GraphNode("player", "Player", ("recording", "robot"))
 """First of all nodes: where a graph is running already, it refuses to start before anything moves."""
@@ -18,4 +18,4 @@ def command(options: argparse.Namespace) -> int:
         options: recording, the file; arguments, of the nodes that it is played on.
     """
     nodes = [node for node in NODES if node.name in PLAYED_ON]
-    return run_graph(options.arguments, [PLAYER, *nodes], recording=str(options.recording))
+    return run_nodes(options.arguments, [PLAYER, *nodes], recording=str(options.recording))

@@ -13,7 +13,7 @@ from gesture_bot.recording.definitions import message_class
 from gesture_bot.recording.reader import Recorded, Recording
 from gesture_bot.retarget.robot import load_robot
 
-LEAD = 0.2
+LEAD = 0.5
 """Messages are published so much earlier than they were, so that each is there before its stamp [s]."""
 
 APPROACH = 3.0
@@ -29,9 +29,9 @@ LAST = 1.0
 class Player(GestureNode):
     """Publishes a recording with its stamps moved by a whole number of seconds.
 
-    What the mux sent to the driver goes to the mux as a gesture. So the joints get what they got then, whoever
-    asked for it: gestures, an operator, a stop. Whoever is there now can stop the robot or take it over.
-    A robot that has other joints gets the recorded keypoints instead.
+    What the mux sent to the driver goes to the mux as a gesture. So the joints get what they got then,
+    whoever asked for it: gestures, an operator, a stop. Whoever is there now can stop the robot or take it
+    over. A robot that has other joints gets the recorded keypoints instead.
     """
 
     def __init__(self, name: str = "player", **options: Any):
@@ -57,7 +57,7 @@ class Player(GestureNode):
         self._shift = 0
         if self._recording.cut_off:
             self.get_logger().warning("the end of the recording is missing; what is whole is played")
-        self.every(0.01, self._play)
+        self.every(0.04, self._play)
         self.waits_for("the rest of the graph")
 
     def _motion(self, joints: tuple[str, ...]) -> str:

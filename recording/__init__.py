@@ -1,1 +1,1 @@
-"""Recordings: everything that passed on the topics, in an MCAP file as `ros2 bag`, rosbags and Foxglove read it."""
+"""Recordings: what passed on the topics, in MCAP files that `ros2 bag`, rosbags and Foxglove read."""

@@ -20,8 +20,15 @@ _BROKEN = (McapError, ValueError, struct.error, zstandard.ZstdError)
 _Entry = tuple[Any, Any, Any]
 """Schema, channel and message, as mcap reads them."""
 
-_MARKS = ("joint_states", "gesture/refined", "gesture/joint_trajectory", "motion_mux/owners", "speech/audio")
-"""Topics that tell the namespace of the graph."""
+_GRAPH = (
+    "gesture/joint_trajectory",
+    "teleop/joint_trajectory",
+    "joint_trajectory",
+    "joint_states",
+    "gesture/refined",
+    "speech/audio",
+)
+"""Topics that tell the namespace of the graph; one that ends as another does comes before it."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +93,10 @@ class Recording:
         Raises:
             InvalidValueError: No graph was recorded, or several.
         """
-        endings = tuple(f"/{mark}" for mark in _MARKS)
-        namespaces = {
-            topic.removesuffix(ending) for topic in self.topics for ending in endings if topic.endswith(ending)
-        }
+        namespaces = set()
+        for topic in self.topics:
+            if ending := next((f"/{known}" for known in _GRAPH if topic.endswith(f"/{known}")), ""):
+                namespaces.add(topic.removesuffix(ending))
         if len(namespaces) != 1:
             found = f"graphs in {len(namespaces)} namespaces" if namespaces else "no topic of a graph"
             raise InvalidValueError(f"{self.path} holds {found}; its topics: {', '.join(self.topics)}")
@@ -104,7 +111,9 @@ class Recording:
         for topic in topics or self.topics:
             self._check_type(topic)
         if self._salvaged is not None:
-            yield from (_recorded(entry) for entry in self._salvaged if not topics or entry[1].topic in topics)
+            yield from (
+                _recorded(entry) for entry in self._salvaged if not topics or entry[1].topic in topics
+            )
             return
         with self.path.open("rb") as file:
             yield from map(_recorded, SeekingReader(file).iter_messages(topics or None))

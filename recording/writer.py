@@ -32,7 +32,9 @@ class RecordingWriter:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb" if overwrite else "xb")
         except FileExistsError as error:
-            raise InvalidValueError("the recording is there already; --overwrite drops it", str(path)) from error
+            raise InvalidValueError(
+                "the recording is there already; --overwrite drops it", str(path)
+            ) from error
         except OSError as error:
             raise FileFormatError(f"cannot write {path} ({error.strerror})") from error
         self.messages = 0
@@ -74,7 +76,7 @@ class RecordingWriter:
         self.messages += 1
 
     def flush(self) -> None:
-        """Bring everything so far to the disk: whole chunks, which readers find even without the file's end."""
+        """Bring all to the disk, in whole chunks, which readers find even without the file's end."""
         self._writer.flush()
         os.fsync(self._file.fileno())
 
