@@ -97,8 +97,12 @@ def _joints(recording: Recording) -> tuple[list[str], np.ndarray, np.ndarray]:
 def _keypoints(recording: Recording, first: int, count: int) -> np.ndarray:
     """(count, 17, 3) keypoints as they were seen; where nothing was planned, the last ones stay."""
     frames: dict[int, np.ndarray] = {}
+    stop = first
     for message in _messages(recording, "gesture/refined"):
         clip = clip_from(message)
+        for dropped in range(clip.start, stop):
+            frames.pop(dropped, None)
+        stop = clip.stop
         frames.update(enumerate(clip.keypoints, clip.start))
     known = np.array(sorted(frames))
     last = np.searchsorted(known, np.arange(first, first + count), side="right") - 1
