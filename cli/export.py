@@ -64,7 +64,9 @@ def command(options: argparse.Namespace) -> int:
         if set(joints) != set(robot.joints):
             raise InvalidValueError(f"the recorded robot has other joints than --robot {robot.name}", joints)
         columns = [joints.index(joint) for joint in robot.joints]
-        sound = _sound(recording, begin, duration)
+        silence = np.zeros(round(duration * SOUND_RATE), np.float32)
+        heard = recording.topic("speech/audio") in recording.topics
+        sound = _sound(recording, begin, duration) if heard else silence
         write_robot_film(output, robot, times, positions[:, columns], begin, sound, SOUND_RATE)
     print(f"wrote {output}: {duration:.1f} s")
     return 0

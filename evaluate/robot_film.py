@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import tempfile
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -60,16 +61,11 @@ def write_robot_film(
             str(temporary),
         ]  # fmt: skip
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said)
-        assert process.stdin
-        try:
+        with suppress(BrokenPipeError), process:  # where ffmpeg ends early, it says why
+            assert process.stdin
             for i in tqdm(range(len(moments)), desc="video", unit="frame", leave=False, disable=None):
                 process.stdin.write(scene.image(i).tobytes())
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # it says why
-        finally:
-            failed = process.wait()
-        if failed:
+        if process.wait():
             said.seek(0)
             raise GestureBotError("ffmpeg fails", said.read().decode(errors="replace").strip())
 

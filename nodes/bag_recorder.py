@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from gesture_bot.base.errors import GestureBotError
-from gesture_bot.recording.definitions import message_class
+from gesture_bot.recording.definitions import message_class, message_definition, type_hash
 from gesture_bot.recording.writer import RecordingWriter
 
 DEPTH = 1000
@@ -64,7 +64,8 @@ class BagRecorder(Node):
         """Subscribe to what is new, and bring everything so far to the disk."""
         for name, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in name.split("/"))
-            if name in self._wanted or not (self._wanted or hidden or name in self._left_out):
+            wanted = name in self._wanted if self._wanted else not hidden
+            if wanted and name not in self._left_out:
                 self._follow(name, types[0])
         self._writer.flush()
 
@@ -99,6 +100,7 @@ class BagRecorder(Node):
             return
         try:
             message_type = message_class(type_name)
+            message_definition(type_name), type_hash(type_name)  # all that the file is to hold
         except GestureBotError as error:
             self.get_logger().warning(f"{name} is left out: {error}")
             self._left_out.add(name)

@@ -1,6 +1,8 @@
 """Writes a recording, so that a crash costs its last second at most."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
@@ -71,17 +73,29 @@ class RecordingWriter:
             received: When it arrived [ns since the epoch].
             published: When it was sent [ns since the epoch].
             data: The message in CDR.
+
+        Raises:
+            FileFormatError: The disk does not take it.
         """
-        self._writer.add_message(channel, received, data, published)
+        with self._disk():
+            self._writer.add_message(channel, received, data, published)
         self.messages += 1
 
     def flush(self) -> None:
         """Bring all to the disk, in whole chunks, which readers find even without the file's end."""
-        self._writer.flush()
-        os.fsync(self._file.fileno())
+        with self._disk():
+            self._writer.flush()
+            os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Write the index, and close the file."""
-        self._writer.finish()
-        self.flush()
-        self._file.close()
+        with self._disk():
+            self._writer.finish()
+            self._file.close()
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise FileFormatError(f"cannot write {self._file.name} ({error.strerror})") from error
