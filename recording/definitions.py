@@ -30,7 +30,8 @@ def message_definition(name: str) -> str:
     Raises:
         FileFormatError: A type is not installed.
     """
-    parts, waiting, seen = [], [name], {name}
+    parts: list[str] = []
+    waiting, seen = [name], {name}
     while waiting:
         current = waiting.pop(0)
         text = _installed(current, ".msg").read_text()
