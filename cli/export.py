@@ -87,13 +87,14 @@ def _messages(recording: Recording, *names: str) -> Iterator[Any]:
 
 def _joints(recording: Recording) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names, (n,) moments [s since the epoch] and (n, j) measured positions [rad]."""
-    states = [
-        (state.name, seconds(state.header.stamp), state.position)
-        for state in _messages(recording, "joint_states")
-    ]
-    names = states[0][0]
-    rows = [(moment, positions) for own, moment, positions in states if own == names]
-    return names, np.array([moment for moment, _ in rows]), np.array([positions for _, positions in rows])
+    names: list[str] = []
+    times, positions = [], []
+    for state in _messages(recording, "joint_states"):
+        names = names or state.name
+        if state.name == names:
+            times.append(seconds(state.header.stamp))
+            positions.append(state.position)
+    return names, np.array(times), np.array(positions)
 
 
 def _keypoints(recording: Recording, first: int, count: int) -> np.ndarray:
