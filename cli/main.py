@@ -72,6 +72,8 @@ def _parser() -> argparse.ArgumentParser:
     teleop.add_argument("robot", nargs="?", default="toa", metavar="ROBOT", help="name or YAML file (toa)")
     teleop.set_defaults(module="teleop")
 
+    _add_recordings(commands)
+
     render = commands.add_parser(
         "render",
         help="make the motion for a sound file, faster than real time",
@@ -239,6 +241,49 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("-o", "--output", type=Path, metavar="PICTURE.png", help="draw its rest pose, too")
     check.set_defaults(module="robot", action="check")
     return parser
+
+
+def _add_recordings(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    record = commands.add_parser(
+        "record",
+        help="record the topics of a running graph",
+        description="Record every topic, or those named, into an MCAP file until Ctrl-C, while the graph "
+        "runs in another terminal. Foxglove, `ros2 bag` and rosbags open it, too.",
+        epilog="example: gesture-bot record talk.mcap",
+    )
+    record.add_argument("output", type=Path, metavar="OUT.mcap", help="file to write")
+    record.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="record only these (all)")
+    record.add_argument("--overwrite", action="store_true", help="even if the file is there already")
+    record.set_defaults(module="record")
+
+    replay = commands.add_parser(
+        "replay",
+        help="let a robot move and speak as in a recording",
+        description="Let a robot, simulated or real, move and speak as in a recording, without the graph "
+        "that makes gestures. Stop and teleoperation work as ever. Another robot than the recorded one makes "
+        "the same gestures in its own way.",
+        epilog="example: gesture-bot replay talk.mcap robot:=mine.yaml port:=/dev/ttyUSB0",
+    )
+    replay.add_argument("recording", type=Path, metavar="FILE.mcap", help="recording")
+    replay.add_argument(
+        "arguments", nargs="*", metavar="NAME:=VALUE", help="robot, port, loudspeaker, namespace, as of `run`"
+    )
+    replay.set_defaults(module="replay")
+
+    export = commands.add_parser(
+        "export",
+        help="turn a recording into BVH, CSV, sound or video",
+        description="Turn a recording into BVH (the human skeleton, 15 frames a second), CSV (the measured "
+        "joints), WAV (what was heard) or MP4 (the robot, with its voice; it takes ffmpeg, or "
+        "pip install 'gesture-bot[video]'). All begin at the same moment.",
+        epilog="example: gesture-bot export talk.mcap -o talk.mp4",
+    )
+    export.add_argument("recording", type=Path, metavar="FILE.mcap", help="recording")
+    export.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help=".bvh, .csv, .wav or .mp4"
+    )
+    export.add_argument("--robot", default="toa", help="Robot in the video: a name, or a YAML file (toa)")
+    export.set_defaults(module="export")
 
 
 def _add_servos(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -52,7 +52,7 @@ def write_robot_gif(
     delay = max(2, round(100 / fps))  # [10 ms]; viewers slow down what is faster than 20 ms
     moments = times[0] + np.arange(0, times[-1] - times[0] + 1e-6, delay / 100)
     angles = np.stack([np.interp(moments, times, joint) for joint in np.asarray(positions).T], axis=1)
-    scene = _Scene(_poses(robot, angles))
+    scene = Scene(robot, angles)
     now = np.searchsorted(times, moments, side="right") - 1
 
     def frame(i: int) -> Image.Image:
@@ -74,16 +74,21 @@ def write_robot_picture(path: Path, robot: Robot, angles: np.ndarray) -> None:
         robot: The robot.
         angles: (j,) joint angles [rad].
     """
-    image = _Scene(_poses(robot, angles[None])).image(0)
+    image = Scene(robot, angles[None]).image(0)
     with write_whole(path) as temporary:
         image.save(temporary)
 
 
-class _Scene:
-    """A moving robot before a camera. What never moves is drawn once."""
+class Scene:
+    """A moving robot before a camera. What never moves is drawn once.
 
-    def __init__(self, poses: list[list[Shape]]):
-        self.poses = poses
+    Args:
+        robot: The robot.
+        angles: (n, j) joint angles [rad].
+    """
+
+    def __init__(self, robot: Robot, angles: np.ndarray):
+        self.poses = poses = _poses(robot, angles)
         self.camera = _camera(poses)
         self.backdrop = Picture(self.camera, _table(self.camera, poses[0]))
         self.moving = []
@@ -94,7 +99,7 @@ class _Scene:
                 self.moving.append(i)
 
     def image(self, pose: int) -> Image.Image:
-        """The robot in one of its poses."""
+        """The robot at the angles of one row."""
         picture = self.backdrop.copy()
         # Nearest first: what they hide need not be shaded.
         for shape in sorted((self.poses[pose][i] for i in self.moving), key=self.camera.depth):

@@ -1,6 +1,7 @@
 """The whole graph, one process a node: ros2 launch gesture_bot gesture_bot.launch.py NAME:=VALUE ..."""
 
 from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -34,7 +35,9 @@ def generate_launch_description() -> LaunchDescription:
                     {name: values[name] for name in node.arguments},
                 ],
                 output="screen",
-                on_exit=Shutdown(),
+                # What is switched on beside the graph may end without it.
+                condition=IfCondition(LaunchConfiguration(node.switch)) if node.switch else None,
+                on_exit=None if node.switch else Shutdown(),
             )
             for node in NODES
         ]

@@ -40,7 +40,8 @@ def run_graph(arguments: Sequence[str]) -> int:
         values = parse_arguments(arguments)
     except GestureBotError as error:
         return _report(error)
-    return _spin(NODES, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
+    nodes = [node for node in NODES if not node.switch or values.get(node.switch) == "true"]
+    return _spin(nodes, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
 
 
 def parse_arguments(
@@ -105,6 +106,24 @@ def _interrupt_once(signum: int, frame: FrameType | None) -> NoReturn:
     """A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     raise KeyboardInterrupt
+
+
+def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: str) -> int:
+    """Run some nodes in this process until they end, or are told to stop; the exit status.
+
+    Args:
+        arguments: NAME:=VALUE strings of the graph's arguments that the nodes take.
+        nodes: Which nodes.
+        values: Their other parameters.
+    """
+    keep_local()
+    used = {NAMESPACE.name, *(name for node in nodes for name in node.arguments)}
+    try:
+        given = parse_arguments(arguments, [a for a in (*ARGUMENTS, NAMESPACE) if a.name in used])
+    except GestureBotError as error:
+        return _report(error)
+    settings = ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
+    return _spin(nodes, {**given, **values}, settings)
 
 
 def _report(error: GestureBotError) -> int:
