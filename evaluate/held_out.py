@@ -1,4 +1,4 @@
-"""How far made motion is from real motion of the same speech, for a training to tell which network is best."""
+"""How far made motion is from real motion of the same speech, for a training to choose by."""
 
 from collections.abc import Sequence
 

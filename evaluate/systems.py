@@ -21,6 +21,7 @@ from gesture_bot.speech.streaming import SpeechFrame
 SMOOTHED = "k-NN pose pre-selected, smoothing alone"
 """The system that others are compared with."""
 
+
 @dataclass(frozen=True)
 class System:
     """Something that shows motion to speech.

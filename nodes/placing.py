@@ -9,7 +9,6 @@ from gesture_bot.nodes.node import seconds
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.liveness import Liveness
 
-
 LOOK_AHEAD = 0.8
 """How much later than sound that is heard live its motion is seen, until the selector says otherwise [s]."""
 

@@ -123,9 +123,12 @@ class Gan:
         sound, found, spoken, gesture = (
             rows.transpose(1, 2)
             for rows in (
-                self._sound[windows], self._found[kinds, windows], self._sound[shifted], self._gesture[shifted]
+                self._sound[windows],
+                self._found[kinds, windows],
+                self._sound[shifted],
+                self._gesture[shifted],
             )
-        )  # fmt: skip
+        )
         mix = self._tensor(random.random((self._batch, 1, 1), np.float32))
         with torch.no_grad():
             real, made = self.critic.seen(gesture), self.critic.seen(self.generator(sound, found))

@@ -40,7 +40,7 @@ class Generator(nn.Module):
 
     MM22's text: an encoder of 8 [convolution, batch norm, ReLU] blocks, pooled after every second one but the
     last, and a decoder of 8 that mirrors it, the last a bare convolution. As in the authors' code, not in
-    the text: skip connections, leaky ReLU, average pooling. Our own: the gesture comes joined (see smoothing.py),
+    the text: skip connections, leaky ReLU, average pooling. Our own: the gesture comes joined (smoothing.py),
     the last convolution starts at zero, and what it says is added to the gesture. So training starts from
     motion without jumps; the paper's generator first has to learn to repeat what was found.
 

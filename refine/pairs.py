@@ -107,7 +107,9 @@ class _Walker:
         mask = np.repeat(allowed[:, None], SEQUENCE, axis=1)
         admission = Admission(mask, int(allowed.sum()), float(allowed.mean()), ())
         found = np.stack([self._found(admission, rows, k) for k in drawn])
-        return Walk(recording, rows, found, np.stack([joined(self._database.keypoints[one]) for one in found]))
+        return Walk(
+            recording, rows, found, np.stack([joined(self._database.keypoints[one]) for one in found])
+        )
 
     def _found(self, admission: Admission, rows: np.ndarray, ks: np.ndarray) -> np.ndarray:
         """(n,) rows of the motion that is found for the sound of others (n,)."""

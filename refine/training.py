@@ -30,7 +30,7 @@ SAVE_EVERY = 60.0
 """Between checkpoints [s]."""
 
 Judge = Callable[[Sequence[np.ndarray], Sequence[np.ndarray]], dict[str, float]]
-"""Made and recorded motions, (n, 17, 3) each [m] -> distances by name; the first one decides which is best."""
+"""Made and recorded motions, (n, 17, 3) each [m] -> distances by name; the first decides what is best."""
 
 LOSSES = ("distance", "penalty", "critic_gradient", "change", "generator_loss", "generator_gradient")
 
@@ -177,8 +177,7 @@ class Training:
         (name, distance), *_ = distances.items()
         if iteration and distance < self._best["distances"].get(name, np.inf):
             generator = {
-                name: value.cpu().clone()
-                for name, value in self._gan.averaged.module.state_dict().items()
+                name: value.cpu().clone() for name, value in self._gan.averaged.module.state_dict().items()
             }
             self._best = {"distances": distances, "iteration": iteration, "generator": generator}
 
