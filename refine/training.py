@@ -89,7 +89,7 @@ class Training:
         rows = np.concatenate([walk.rows for walk in trained])
         self._card = Card.of(database, rows, asdict(settings))
         self._card.training["held_out"] = held.tolist()
-        # Windows end where the search's windows do, as when they are refined one by one.
+        # Every 8 frames (MM22: 5), where the search's windows end, as when they are refined one by one.
         begins = np.cumsum([0, *(len(walk.rows) for walk in trained)])[:-1]
         starts = [
             begin + np.arange(0, len(walk.rows) - SEQUENCE + 1, WINDOW)
