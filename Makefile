@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 # URDFs for the tests; the simulators that they depend on are not needed, and example-robot-data adds three more.
 ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0
+# PyTorch without the CUDA libraries, which take gigabytes; where it cannot be reached, the usual one does.
+TORCH := https://download.pytorch.org/whl/cpu
 # Tests that keep time, one after another; the others share the processors.
 LIVE := $(wildcard test/test_cli*.py test/test_launch.py test/test_nodes_*.py test/test_servo_commands.py \
   test/test_servo_driver.py test/test_servo_virtual_bus.py test/test_speech_recogniser.py)
@@ -50,6 +52,8 @@ $(VENV)/installed: $(BIN)/python $(SOURCES)
 	touch $@
 
 $(VENV)/installed-dev: $(BIN)/python $(SOURCES)
-	$(BIN)/pip install --progress-bar on '.[dev]'
+	$(BIN)/pip install --progress-bar on --index-url $(TORCH) --timeout 10 --retries 0 torch || \
+	  $(BIN)/pip install --progress-bar on torch
+	$(BIN)/pip install --progress-bar on '.[dev,train]'
 	$(BIN)/pip install --quiet --no-deps $(ROBOTS)
 	touch $@ $(VENV)/installed

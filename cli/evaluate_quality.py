@@ -1,7 +1,6 @@
 """`gesture-bot evaluate quality`: MM22's table 3 in numbers."""
 
 import argparse
-from functools import partial
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.corpus.demo import load_database
@@ -9,7 +8,6 @@ from gesture_bot.evaluate.performances import held_performances, recorded_perfor
 from gesture_bot.evaluate.quality import Quality, quality_table
 from gesture_bot.evaluate.quality_files import markdown, write_quality
 from gesture_bot.refine.model import load_model
-from gesture_bot.refine.streaming import refined_motion
 
 _NOTES = """\
 {minutes:.1f} minutes of recorded motion in {pieces} pieces; in brackets 95% intervals (bootstrap).
@@ -40,8 +38,8 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError(
             "a database of yours is judged by recordings that it does not hold: --speech FILE ..."
         )
-    refine = partial(refined_motion, load_model(options.model, database)) if options.model else None
-    quality = quality_table(database, performances, refine)
+    model = load_model(options.model, database) if options.model else None
+    quality = quality_table(database, performances, model)
     print(markdown(quality), _notes(quality), sep="\n\n")
     if options.output:
         for path in write_quality(options.output, quality, _notes(quality)):

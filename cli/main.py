@@ -138,6 +138,10 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("database", metavar="DATABASE", help="database file, or 'demo'")
     train.add_argument("-o", "--output", type=Path, required=True, metavar="MODEL.onnx", help="model file")
     train.add_argument("--iterations", type=int, default=300_000, metavar="N", help="as MM22: 300000")
+    train.add_argument(
+        "--recipe", choices=("paper", "light"), default="paper",
+        help="as MM22, or, without a GPU, with a smaller critic and faster steps (paper)",
+    )  # fmt: skip
     train.add_argument("--batch", type=int, default=100, metavar="N", help="windows in a batch (100)")
     train.add_argument(
         "--width", type=float, default=1.0, metavar="SHARE",

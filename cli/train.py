@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 from gesture_bot.base.errors import InvalidValueError, TrainingError
 from gesture_bot.corpus.demo import load_database
+from gesture_bot.evaluate.held_out import distances
 
 QUICK = {"iterations": 300, "width": 0.125, "batch": 16, "report_every": 20, "test_every": 100}
 """Proves the way from database to model within two minutes; the model is no good."""
@@ -25,7 +26,7 @@ def command(options: argparse.Namespace) -> int:
 
     from gesture_bot.refine.training import Settings, Training
 
-    chosen = {name: getattr(options, name) for name in ("iterations", "width", "batch", "seed")}
+    chosen = {name: getattr(options, name) for name in ("iterations", "recipe", "width", "batch", "seed")}
     chosen |= QUICK if options.quick else {}
     iterations, settings = chosen.pop("iterations"), Settings(**chosen)
     for name, value in ("iterations", iterations), ("width", settings.width), ("batch", settings.batch):
@@ -35,7 +36,7 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError("kind of model file", options.output.name, [".onnx"])
     if "WORLD_SIZE" in os.environ:  # set by torchrun
         distributed.init_process_group("nccl" if cuda.is_available() else "gloo")
-    training = Training(load_database(options.database), options.output, settings)
+    training = Training(load_database(options.database), options.output, settings, distances)
     try:
         training.run(iterations)
     except KeyboardInterrupt:
@@ -43,9 +44,8 @@ def command(options: argparse.Namespace) -> int:
             f"interrupted in iteration {training.iteration}; the same command goes on there", file=sys.stderr
         )
         raise
-    iteration, refined, found = training.results
-    print(
-        f"wrote {options.output}: the network of iteration {iteration}\n"
-        f"Frechet distance from the real motion held out: {refined:.3f}; of the search alone: {found:.3f}"
-    )
+    iteration, refined = training.best
+    print(f"wrote {options.output}: the network of iteration {iteration}\nfrom the real motion held out:")
+    for name, value in refined.items():
+        print(f"  {name} {value:.3f}, of what the search found {training.rows[0][name]:.3f}")
     return 0

@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from importlib.metadata import version
 from os import cpu_count
 from pathlib import Path
@@ -67,7 +67,14 @@ def load_database(name: str) -> Database:
     Raises:
         FileFormatError: See Database.load.
     """
-    return Database.load(database_path(name))
+    path = database_path(name)
+    # The nodes of a process share it, until its file is written anew.
+    return _loaded(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@lru_cache(maxsize=1)
+def _loaded(path: Path, written: int) -> Database:
+    return Database.load(path)
 
 
 def database_path(name: str) -> Path:

@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gesture_bot.refine.frechet import frechet_distance
-
 
 def gaussian_sums(vectors: np.ndarray) -> np.ndarray:
     """Count, sum and sum of products of vectors (n, d), as (1 + d + d * d,) numbers that can be added up."""
@@ -54,3 +52,30 @@ def half_distance(dimensions: int) -> Callable[[np.ndarray], np.ndarray]:
         return (frechet_distance(*even, *odd_recorded) + frechet_distance(*odd, *even_recorded)) / 2
 
     return value
+
+
+def distance(shown: Sequence[np.ndarray], recorded: Sequence[np.ndarray]) -> float:
+    """Of vectors shown to the very pieces that were recorded: lists of (n, d); 0 for the same."""
+    gaussians = [
+        gaussian(gaussian_sums(np.concatenate(vectors)), vectors[0].shape[1]) for vectors in (shown, recorded)
+    ]
+    return float(frechet_distance(*gaussians[0], *gaussians[1]))
+
+
+def frechet_distance(
+    mean: np.ndarray, covariance: np.ndarray, other_mean: np.ndarray, other_covariance: np.ndarray
+) -> np.ndarray:
+    """Squared distance |m - n|^2 + tr(C + D - 2 (C D)^(1/2)) of Gaussians (Dowson and Landau 1982).
+
+    Args:
+        mean: (..., d) of one.
+        covariance: (..., d, d) of one, symmetric.
+        other_mean: (..., d) of the other.
+        other_covariance: (..., d, d) of the other.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    product = np.linalg.eigvalsh(root @ other_covariance @ root)
+    traces = np.trace(covariance, axis1=-2, axis2=-1) + np.trace(other_covariance, axis1=-2, axis2=-1)
+    apart = ((mean - other_mean) ** 2).sum(axis=-1)
+    return apart + traces - 2 * np.sqrt(np.maximum(product, 0)).sum(axis=-1)

@@ -42,14 +42,22 @@ def kinematic_features(keypoints: np.ndarray) -> np.ndarray:
     )
 
 
-def _sums(pieces: Sequence[Piece]) -> np.ndarray:
-    recorded = [kinematic_features(piece.recorded) for piece in pieces]
-    everything = np.concatenate(recorded)
+def scaled_features(
+    shown: Sequence[np.ndarray], recorded: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """kinematic_features of motions shown and recorded, in deviations of the recorded ones."""
+    people = [kinematic_features(motion) for motion in recorded]
+    everything = np.concatenate(people)
     # Speeds and places have their own units: each counts by how much it varies among people.
     deviation = everything.std(axis=0) if len(everything) else np.ones(FEATURES)
     deviation = np.where(deviation > _CONSTANT, deviation, 1.0)
-    shown = [kinematic_features(piece.shown) / deviation for piece in pieces]
-    return half_sums(shown, [one / deviation for one in recorded])
+    return [kinematic_features(motion) / deviation for motion in shown], [one / deviation for one in people]
+
+
+def _sums(pieces: Sequence[Piece]) -> np.ndarray:
+    return half_sums(
+        *scaled_features([piece.shown for piece in pieces], [piece.recorded for piece in pieces])
+    )
 
 
 KINEMATIC_DISTANCE = Metric("kinematic FD", "", _sums, half_distance(FEATURES), 2, "lower", biased=True)

@@ -17,7 +17,8 @@ from gesture_bot.evaluate.position_errors import MAD, MAJE
 from gesture_bot.evaluate.resampling import Estimate, Metric, estimate
 from gesture_bot.evaluate.rhythm import THRESHOLDS
 from gesture_bot.evaluate.seams import evenness
-from gesture_bot.evaluate.systems import SMOOTHED, Refine, systems_of
+from gesture_bot.evaluate.systems import SMOOTHED, systems_of
+from gesture_bot.refine.model import RefinementModel
 
 
 @dataclass(frozen=True)
@@ -67,14 +68,14 @@ def metrics_of(database: Database) -> list[Metric]:
 
 
 def quality_table(
-    database: Database, performances: Sequence[Performance], refine: Refine | None = None
+    database: Database, performances: Sequence[Performance], model: RefinementModel | None = None
 ) -> Quality:
     """Let every system show motion to performances, and judge it.
 
     Args:
         database: What the k-NN systems search; it must not hold the performances.
         performances: Speech, and the speaker's own motion.
-        refine: A trained refinement of database windows, as another row.
+        model: A refinement network, as another row.
 
     Raises:
         InvalidValueError: There is too little to judge by.
@@ -85,7 +86,7 @@ def quality_table(
         ("held-out recorded motion", "no", recorded),
         ("mismatched speech and motion", "no", mismatched(recorded)),
     ]
-    for system in systems_of(database, refine):
+    for system in systems_of(database, model):
         shown = pieces_of(performances, system.show(tuple(performances)))
         judged.append((system.name, system.smoothed, shown))
     estimates = {

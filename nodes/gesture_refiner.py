@@ -51,7 +51,7 @@ class GestureRefiner(GestureNode):
             self._trouble = [f"smooths, since the model cannot be used: {error}"]
             self.get_logger().warning(self._trouble[0])
             return
-        self._hearing, self._placing = Hearing(loaded), Placing(look_ahead=0.8)
+        self._hearing, self._placing = Hearing(loaded), Placing()
         self._network = NetworkRefiner(network, self._hearing)
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)

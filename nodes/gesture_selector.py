@@ -16,7 +16,7 @@ from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.emotions import listen_to_emotion
 from gesture_bot.nodes.messages import clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds, stamp
-from gesture_bot.nodes.placing import Placing, hear
+from gesture_bot.nodes.placing import LOOK_AHEAD, Placing, hear
 
 
 class GestureSelector(GestureNode):
@@ -43,7 +43,7 @@ class GestureSelector(GestureNode):
         )
         look_ahead = self.parameter(
             "look_ahead",
-            0.8,
+            LOOK_AHEAD,
             "How much later than sound that is heard live, as by a microphone, its motion is seen [s]",
             bounds=(0.25, 1.1),
         )

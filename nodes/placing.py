@@ -9,6 +9,9 @@ from gesture_bot.nodes.node import seconds
 from gesture_bot.speech.cuts import Cuts
 from gesture_bot.speech.liveness import Liveness
 
+LOOK_AHEAD = 0.8
+"""How much later than sound that is heard live its motion is seen, until the selector says otherwise [s]."""
+
 
 class Placing:
     """Places messages about speech in time.
@@ -17,7 +20,7 @@ class Placing:
         look_ahead: How much later than sound that is heard live its motion is seen [s].
     """
 
-    def __init__(self, look_ahead: float) -> None:
+    def __init__(self, look_ahead: float = LOOK_AHEAD) -> None:
         self.look_ahead = look_ahead
         self._cuts, self._liveness = Cuts(), Liveness()
 

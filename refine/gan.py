@@ -1,26 +1,61 @@
 """One iteration of MM22's training: a Wasserstein GAN with gradient penalty, in PyTorch."""
 
 import os
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from torch import distributed, nn
+from torch.optim import swa_utils
 
 from gesture_bot.base.errors import TrainingError
+from gesture_bot.corpus.database import SEQUENCE
 from gesture_bot.refine.networks import Critic, Generator
 
-W_FOUND, W_ADVERSARIAL, W_PENALTY = 0.1, 1.0, 100.0
+W_FOUND, W_ADVERSARIAL = 0.1, 1.0
 """Weights of the losses (MM22)."""
 
-LEARNING_RATE, BETAS = 1e-4, (0.0, 0.9)
-"""Of Adam (MM22, and its code)."""
+BETAS = (0.0, 0.9)
+"""Of Adam (MM22's code)."""
 
-CRITIC_STEPS = 5
-"""Iterations from one step of the generator to the next (the authors' code)."""
+AVERAGED = 0.999
+"""The generator that is kept is a moving average of those trained; at each step, so much of it stays at most.
+
+Not in the paper; see Yazici et al. 2019, The Unusual Effectiveness of Averaging in GAN Training.
+"""
+
+SLOWEST = 1e-3
+"""Velocities and accelerations that hardly differ count as differing so much [deviations a frame]."""
 
 LARGEST_GRADIENT = 1e6
 """A gradient with a larger norm is divergence."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the networks are trained.
+
+    Attributes:
+        rate: Of Adam.
+        penalty: Weight of the gradient penalty.
+        critic_steps: Iterations from one step of the generator to the next.
+        critic_share: Share of the critic's channels, beside the width.
+        motion: Whether the critic sees velocity and acceleration, and no norm; see networks.Critic.
+    """
+
+    rate: float
+    penalty: float
+    critic_steps: int
+    critic_share: float
+    motion: bool
+
+
+RECIPES = {
+    "paper": Recipe(rate=1e-4, penalty=100, critic_steps=5, critic_share=1, motion=False),
+    "light": Recipe(rate=3e-4, penalty=10, critic_steps=3, critic_share=0.5, motion=True),
+}
+"""MM22 (critic steps: the authors' code), and one for a processor."""
 
 
 class Gan:
@@ -30,17 +65,21 @@ class Gan:
     a checkpoint draws what it would have drawn.
 
     Args:
-        sound: (N, 28) z-scored features of the database's rows.
-        gesture: (N, 48) z-scored bone vectors.
-        real, found: (w, 64) and (2, w, 64) rows of the windows; see pairs.Pairs.
+        sound: (n, 28) z-scored features.
+        gesture: (n, 48) z-scored bone vectors of the same frames.
+        found: (2, n, 48) what the search found for them; see pairs.Walk.
+        starts: (w,) first frames of windows of what was found.
+        later: (w,) how many frames later at most a window of real motion, with its sound, may start: there
+            are so many more of them.
+        recipe: Name in RECIPES.
         width: Share of the authors' channels.
         batch: Windows in a batch, of each process.
         seed: Of weights and batches.
     """
 
     def __init__(
-        self, sound: np.ndarray, gesture: np.ndarray, real: np.ndarray, found: np.ndarray,
-        width: float, batch: int, seed: int,
+        self, sound: np.ndarray, gesture: np.ndarray, found: np.ndarray, starts: np.ndarray,
+        later: np.ndarray, recipe: str, width: float, batch: int, seed: int,
     ) -> None:  # fmt: skip
         torch.manual_seed(seed)
         self._rank = distributed.get_rank() if distributed.is_initialized() else 0
@@ -49,12 +88,17 @@ class Gan:
             self._device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))  # of torchrun
             torch.cuda.set_device(self._device)
             torch.backends.cudnn.deterministic = True
-        self._sound, self._gesture = (self._tensor(rows) for rows in (sound, gesture))
-        self._real, self._found = (self._tensor(rows) for rows in (real, found))
-        self._batch, self._seed = batch, seed
-        self.generator, self.critic = Generator(width).to(self._device), Critic(width).to(self._device)
+        self._sound, self._gesture, self._found = (self._tensor(rows) for rows in (sound, gesture, found))
+        self._windows, self._later = starts[:, None] + np.arange(SEQUENCE), later
+        self._recipe, self._batch, self._seed = RECIPES[recipe], batch, seed
+        real = self._gesture[self._tensor(self._windows)]
+        motion = torch.stack([real.diff(n=order, dim=1).std(dim=(0, 1)) for order in (1, 2)])
+        motion = motion.clamp_min(SLOWEST) if self._recipe.motion else None
+        self.generator = Generator(width).to(self._device)
+        self.critic = Critic(width * self._recipe.critic_share, motion).to(self._device)
+        self.averaged = swa_utils.AveragedModel(self.generator, avg_fn=_average, use_buffers=True).eval()
         self._adams = [
-            torch.optim.Adam(network.parameters(), LEARNING_RATE, BETAS)
+            torch.optim.Adam(network.parameters(), self._recipe.rate, BETAS)
             for network in (self.generator, self.critic)
         ]
 
@@ -71,27 +115,34 @@ class Gan:
             TrainingError: The training has diverged; the networks are no good any more.
         """
         random = np.random.default_rng([self._seed, self._rank, iteration])
-        windows = random.integers(self._real.shape[0], size=self._batch)
+        drawn = random.integers(len(self._windows), size=self._batch)
+        later = random.integers(self._later[drawn] + 1)[:, None]
         # Half of the gestures are the best match, half another of the first 15.
-        kinds = random.integers(2, size=self._batch)
-        real, found = self._real[windows], self._found[kinds, windows]
-        sound, gesture, base = (
-            source[rows].transpose(1, 2)
-            for source, rows in ((self._sound, real), (self._gesture, real), (self._gesture, found))
+        kinds = self._tensor(random.integers(2, size=self._batch))[:, None]
+        windows, shifted = (self._tensor(self._windows[drawn] + frames) for frames in (0, later))
+        sound, found, spoken, gesture = (
+            rows.transpose(1, 2)
+            for rows in (
+                self._sound[windows],
+                self._found[kinds, windows],
+                self._sound[shifted],
+                self._gesture[shifted],
+            )
         )
         mix = self._tensor(random.random((self._batch, 1, 1), np.float32))
         with torch.no_grad():
-            made = self.generator(sound, base)
-        distance = self.critic(sound, gesture).mean() - self.critic(sound, made).mean()
-        penalty = self._penalty(sound, torch.lerp(gesture, made, mix))
-        loss = W_PENALTY * penalty - W_ADVERSARIAL * distance
+            real, made = self.critic.seen(gesture), self.critic.seen(self.generator(sound, found))
+        distance = self.critic(spoken, real).mean() - self.critic(sound, made).mean()
+        penalty = self._penalty(torch.lerp(spoken, sound, mix), torch.lerp(real, made, mix))
+        loss = self._recipe.penalty * penalty - W_ADVERSARIAL * distance
         norm = self._descend(self.critic, self._adams[1], loss)
         losses = {"distance": distance.item(), "penalty": penalty.item(), "critic_gradient": norm}
-        if iteration % CRITIC_STEPS == 0:
-            made = self.generator(sound, base)
-            change = (made - base).abs().mean()
-            loss = W_FOUND * change - W_ADVERSARIAL * self.critic(sound, made).mean()
+        if iteration % self._recipe.critic_steps == 0:
+            refined = self.generator(sound, found)
+            change = (refined - found).abs().mean()
+            loss = W_FOUND * change - W_ADVERSARIAL * self.critic(sound, self.critic.seen(refined)).mean()
             norm = self._descend(self.generator, self._adams[0], loss)
+            self.averaged.update_parameters(self.generator)
             losses |= {"change": change.item(), "generator_loss": loss.item(), "generator_gradient": norm}
         for name, value in losses.items():
             if not abs(value) <= LARGEST_GRADIENT:
@@ -100,24 +151,17 @@ class Gan:
                 )
         return losses
 
-    def made(self, found: np.ndarray, real: np.ndarray) -> np.ndarray:
-        """(w, 48, 64) what the generator makes of gestures, for the sound of other rows, both (w, 64)."""
-        self.generator.eval()
+    def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """The averaged generator: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""
         with torch.no_grad():
-            made = [
-                self.generator(self._sound[sound].transpose(1, 2), self._gesture[base].transpose(1, 2))
-                for sound, base in zip(
-                    self._tensor(real).split(256), self._tensor(found).split(256), strict=True
-                )
-            ]
-        self.generator.train()
-        return torch.cat(made).cpu().numpy()
+            return self.averaged(self._tensor(sound), self._tensor(found)).cpu().numpy()
 
     def state(self) -> dict[str, Any]:
         """All that changes in training."""
         return {
             "generator": self.generator.state_dict(),
             "critic": self.critic.state_dict(),
+            "averaged": self.averaged.state_dict(),
             "optimisers": [adam.state_dict() for adam in self._adams],
         }
 
@@ -125,6 +169,7 @@ class Gan:
         """Go back to a state."""
         self.generator.load_state_dict(state["generator"])
         self.critic.load_state_dict(state["critic"])
+        self.averaged.load_state_dict(state["averaged"])
         for adam, saved in zip(self._adams, state["optimisers"], strict=True):
             adam.load_state_dict(saved)
 
@@ -149,3 +194,9 @@ class Gan:
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(array).to(self._device)
+
+
+def _average(average: torch.Tensor, new: torch.Tensor, steps: torch.Tensor) -> torch.Tensor:
+    """The moving average goes on; of the first steps, it is hardly more than the last one."""
+    kept = min(AVERAGED, (1 + int(steps)) / (10 + int(steps)))
+    return kept * average + (1 - kept) * new

@@ -1,5 +1,6 @@
 """A trained refinement network in its file, run by ONNX Runtime."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
@@ -27,6 +28,9 @@ FARTHEST = 0.1
 
 The demo corpus, built again on another machine, differs in the last bits alone.
 """
+
+Network = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(w, 28, 64) sound and (w, 48, 64) gesture found -> (w, 48, 64) gesture, float32, all z-scored."""
 
 LEAST_DEVIATION = 1e-3
 """A number that hardly changes counts as changing so much; hips are at rest in the pelvis frame [m]."""
@@ -88,20 +92,21 @@ class Card(BaseModel):
         scored = (bone_vectors(keypoints) - np.array(self.bone_mean)) / np.array(self.bone_deviation)
         return np.ascontiguousarray(np.swapaxes(scored.reshape(*scored.shape[:-2], -1), -1, -2), np.float32)
 
-    def gesture_out(self, gesture: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """What the network makes, (..., 48, t), as keypoints with pelvis and bone lengths of those found.
+    def refined(self, run: Network, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
+        """Gestures that go with the sound, from those that the search found for it.
 
         Args:
-            gesture: Of the network.
-            found: (..., t, 17, 3) keypoints that went in [m].
+            run: The network.
+            features: (w, 64, 28) speech features of windows.
+            keypoints: (w, 64, 17, 3) what was found, joined [m], pelvis frame.
 
         Returns:
-            (..., t, 17, 3) [m].
+            (w, 64, 17, 3) [m], with the pelvis and the bone lengths of `keypoints`.
         """
-        scored = np.swapaxes(gesture, -1, -2).astype(np.float64)
-        vectors = scored.reshape(*scored.shape[:-1], len(BONES), 3) * np.array(self.bone_deviation)
-        keypoints = from_bone_vectors(vectors + np.array(self.bone_mean)) + found[..., :1, :]
-        return with_bone_lengths(keypoints, bone_lengths(found))
+        made = np.swapaxes(run(self.sound_in(features), self.gesture_in(keypoints)), -1, -2)
+        vectors = made.reshape(*made.shape[:-1], len(BONES), 3) * np.array(self.bone_deviation)
+        refined = from_bone_vectors(vectors + np.array(self.bone_mean)) + keypoints[..., :1, :]
+        return with_bone_lengths(refined, bone_lengths(keypoints))
 
     def check(self, database: Database) -> None:
         """Raise a FileFormatError with the reason where the model was not trained for a database."""
@@ -157,17 +162,8 @@ class RefinementModel:
                 raise FileFormatError(f"{path}: {key} of the model", getattr(self.card, key), [valid])
 
     def refined(self, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
-        """Gestures that go with the sound, from those that the search found for it.
-
-        Args:
-            features: (w, 64, 28) speech features of windows.
-            keypoints: (w, 64, 17, 3) [m], pelvis frame.
-
-        Returns:
-            (w, 64, 17, 3) [m], with the bone lengths of `keypoints`.
-        """
-        made = self.run(self.card.sound_in(features), self.card.gesture_in(keypoints))
-        return self.card.gesture_out(made, keypoints)
+        """Gestures that go with the sound; see Card.refined."""
+        return self.card.refined(self.run, features, keypoints)
 
     def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
         """The network alone: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import torch
 from torch import nn
+from torch.nn import functional
 
 from gesture_bot.base.keypoints import BONES
 from gesture_bot.corpus.database import SEQUENCE
@@ -39,9 +40,9 @@ class Generator(nn.Module):
 
     MM22's text: an encoder of 8 [convolution, batch norm, ReLU] blocks, pooled after every second one but the
     last, and a decoder of 8 that mirrors it, the last a bare convolution. As in the authors' code, not in
-    the text: skip connections, leaky ReLU, average pooling. Our own: the last convolution starts at zero, and
-    what it says is added to the gesture that was found. So training starts from that gesture; the paper's
-    generator first has to learn to repeat it.
+    the text: skip connections, leaky ReLU, average pooling. Our own: the gesture comes joined (smoothing.py),
+    the last convolution starts at zero, and what it says is added to the gesture. So training starts from
+    motion without jumps; the paper's generator first has to learn to repeat what was found.
 
     Args:
         width: Share of the authors' channels.
@@ -79,19 +80,35 @@ class Critic(nn.Module):
 
     6 [convolution, instance norm, leaky ReLU] blocks, average pooling after every second, a linear layer.
 
+    Our own, with `motion`: there is no norm, which hides from the critic where the hands are and how far they
+    go, and beside the gesture it sees velocity and acceleration, each in deviations of real motion.
+
     Args:
         width: Share of the authors' channels.
+        motion: (2, 48) deviations of velocity and acceleration, a frame; None: as in the paper.
     """
 
-    def __init__(self, width: float = 1.0) -> None:
+    def __init__(self, width: float = 1.0, motion: torch.Tensor | None = None) -> None:
         super().__init__()
+        self._motion = motion
+        seen, norm = (GESTURE, nn.InstanceNorm1d) if motion is None else (3 * GESTURE, nn.Identity)
         channels = _scaled(CRITIC_CHANNELS, width)
         layers: list[nn.Module] = []
-        for size in pairwise([FEATURES + GESTURE, *channels]):
-            layers += [_pair(*size, nn.InstanceNorm1d), nn.AvgPool1d(2)]
+        for size in pairwise([FEATURES + seen, *channels]):
+            layers += [_pair(*size, norm), nn.AvgPool1d(2)]
         frames = SEQUENCE // 2 ** len(channels)
         self.layers = nn.Sequential(*layers, nn.Flatten(), nn.Linear(frames * channels[-1], 1))
 
-    def forward(self, sound: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
-        """(b, 28, 64) and (b, 48, 64), z-scored -> (b,)."""
-        return self.layers(torch.cat([sound, gesture], dim=1))[:, 0]
+    def seen(self, gesture: torch.Tensor) -> torch.Tensor:
+        """What it looks at: (b, 48, 64), z-scored -> (b, c, 64), linear."""
+        if self._motion is None:
+            return gesture
+        changes = [
+            functional.pad(gesture.diff(n=order), (order, 0)) / deviation[:, None]
+            for order, deviation in enumerate(self._motion, 1)
+        ]
+        return torch.cat([gesture, *changes], dim=1)
+
+    def forward(self, sound: torch.Tensor, seen: torch.Tensor) -> torch.Tensor:
+        """(b, 28, 64), z-scored, and (b, c, 64), see `seen` -> (b,)."""
+        return self.layers(torch.cat([sound, seen], dim=1))[:, 0]

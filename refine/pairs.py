@@ -8,33 +8,36 @@ import numpy as np
 from tqdm import tqdm
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import WINDOW
-from gesture_bot.corpus.database import LABELS, SEQUENCE, Database
+from gesture_bot.base.frames import WINDOW, KeypointClip
+from gesture_bot.base.keypoints import with_bone_lengths
+from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching.controls import Admission
 from gesture_bot.matching.features import AUDIO_OFFSETS
 from gesture_bot.matching.search import MAX_K, Search
 from gesture_bot.matching.selector import LATELY
 from gesture_bot.matching.settling import rest_pose
-
-STRIDE = 5
-"""Frames from one window to the next (MM22)."""
+from gesture_bot.refine.smoothing import WindowJoiner
 
 HELD_OUT = 0.1
 """Share of the recordings that are kept from the training; one at least."""
 
 
 @dataclass(frozen=True)
-class Pairs:
-    """Windows of recordings: the real motion, and what the search found for the same sound.
+class Walk:
+    """A stretch of a recording, and what the search finds for its sound.
 
     Attributes:
-        real: (w, 64) rows of the database: sound and real motion.
-        found: (2, w, 64) rows of the motion that was found: always the best match; and, drawn for each of
-            the search's windows, one of the 2nd to the 15th.
+        recording: Its number.
+        rows: (n,) of the database: sound and real motion.
+        found: (2, n) rows of the motion that was found: always the best match; and, drawn for each of the
+            search's windows, one of the 2nd to the 15th (MM22). A window begins every 8 frames.
+        joined: (2, n, 17, 3) that motion without jumps where windows meet [m].
     """
 
-    real: np.ndarray
+    recording: int
+    rows: np.ndarray
     found: np.ndarray
+    joined: np.ndarray
 
 
 def held_out(database: Database, seed: int) -> np.ndarray:
@@ -51,34 +54,24 @@ def held_out(database: Database, seed: int) -> np.ndarray:
     return np.sort(np.random.default_rng(seed).permutation(recordings)[:count])
 
 
-def find_pairs(database: Database, held: np.ndarray, seed: int) -> tuple[Pairs, Pairs]:
+def walks(database: Database, held: np.ndarray, seed: int) -> list[Walk]:
     """Run the search of MM22 over the sound of all recordings.
 
     It runs through each recording as it would for speech, from rest on, each window the next query. Whatever
     it finds is from another recording, and from none that is held out: their sequences are taken out of the
-    control mask. Where enough recordings have the emotion of the query's, it is from these, as the selector
-    does it. As there, no window comes back within LATELY.
+    control mask. As in the selector, no window comes back within LATELY.
 
     Args:
         database: What is searched, and whose sound it is.
         held: The recordings that are held out.
         seed: Of the draw.
-
-    Returns:
-        Pairs of the recordings to train on, and of those that are held out.
     """
     walker = _Walker(database, held, seed)
-    pairs: tuple[list[Pairs], list[Pairs]] = ([], [])
-    for recording in tqdm(np.unique(database.recording), "searching", unit="recording", disable=None):
-        for rows in stretches(database, recording):
-            found = walker.found(recording, rows)
-            windows = np.arange(0, len(rows) - SEQUENCE + 1, STRIDE)[:, None] + np.arange(SEQUENCE)
-            pairs[recording in held].append(Pairs(rows[windows], found[:, windows]))
-    trained, tested = (
-        Pairs(np.concatenate([one.real for one in part]), np.concatenate([one.found for one in part], axis=1))
-        for part in pairs
-    )
-    return trained, tested
+    return [
+        walker.walk(int(recording), rows)
+        for recording in tqdm(np.unique(database.recording), "searching", unit="recording", disable=None)
+        for rows in stretches(database, recording)
+    ]
 
 
 def stretches(database: Database, recording: int) -> Iterator[np.ndarray]:
@@ -88,31 +81,38 @@ def stretches(database: Database, recording: int) -> Iterator[np.ndarray]:
     yield from np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
 
 
+def joined(windows: np.ndarray) -> np.ndarray:
+    """Motion of windows of 8 frames, joined: (n, 17, 3) -> (n, 17, 3) [m]."""
+    joiner = WindowJoiner()
+    made = []
+    for start in range(0, len(windows), WINDOW):
+        joiner.push(KeypointClip(start, windows[start : start + WINDOW]))
+        frames = slice(start - joiner.start, None)
+        made.append(with_bone_lengths(joiner.motion[frames], joiner.lengths[frames]))
+    return np.concatenate(made)
+
+
 class _Walker:
     def __init__(self, database: Database, held: np.ndarray, seed: int) -> None:
         self._database, self._held, self._seed = database, held, seed
         self._search = Search(database)
         self._rest = self._search.pose_of(rest_pose(database))
-        self._emotion = database.labels[:, LABELS.index("emotion")]
 
-    def found(self, recording: int, rows: np.ndarray) -> np.ndarray:
-        """(2, n) rows of the motion that is found for the sound of consecutive rows (n,) of a recording."""
+    def walk(self, recording: int, rows: np.ndarray) -> Walk:
+        """Of consecutive rows (n,) of a recording."""
         generator = np.random.default_rng([self._seed, recording, rows[0]])
         windows = -(-len(rows) // WINDOW)
         drawn = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
-        admission = self._admission(recording)
-        return np.stack([self._walk(admission, rows, k) for k in drawn])
-
-    def _admission(self, recording: int) -> Admission:
-        database = self._database
-        allowed = (database.recording != recording) & ~np.isin(database.recording, self._held)
-        alike = allowed & (self._emotion == self._emotion[database.recording == recording][0])
-        if alike.sum() >= MAX_K:
-            allowed = alike
+        allowed = (self._database.recording != recording) & ~np.isin(self._database.recording, self._held)
         mask = np.repeat(allowed[:, None], SEQUENCE, axis=1)
-        return Admission(mask, int(allowed.sum()), float(allowed.mean()), ())
+        admission = Admission(mask, int(allowed.sum()), float(allowed.mean()), ())
+        found = np.stack([self._found(admission, rows, k) for k in drawn])
+        return Walk(
+            recording, rows, found, np.stack([joined(self._database.keypoints[one]) for one in found])
+        )
 
-    def _walk(self, admission: Admission, rows: np.ndarray, ks: np.ndarray) -> np.ndarray:
+    def _found(self, admission: Admission, rows: np.ndarray, ks: np.ndarray) -> np.ndarray:
+        """(n,) rows of the motion that is found for the sound of others (n,)."""
         pose, found = self._rest, []
         lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
         for row, k in zip(rows[::WINDOW], ks, strict=True):

@@ -21,30 +21,29 @@ HISTORY = 60
 """Frames kept before the last clip; a new clip may cut the motion that far back."""
 
 
-class WindowSmoother:
-    """Joins windows into one smooth motion as they come.
+class WindowJoiner:
+    """Joins windows into one motion without a jump, as they come.
 
     Where two windows meet, the new one does not start where the motion was heading. The difference, in
     position and velocity of each keypoint, is added to the new window and dies away like a critically
-    damped spring: the inertialization of Bollo (GDC 2018), with the spring of Holden. Then comes the
-    Gaussian over time, and the bones get back the lengths that both have shortened.
+    damped spring: the inertialization of Bollo (GDC 2018), with the spring of Holden.
+
+    Attributes:
+        start: Frame of the first pose that is kept.
+        motion: (n, 17, 3) what is kept: the last clip, and up to HISTORY frames before it [m].
+        lengths: (n, 16) bone lengths of the clips, which joining changes in `motion` [m].
     """
 
     def __init__(self) -> None:
-        self._start = 0
-        self._motion = np.empty((0, len(KEYPOINTS), 3))
-        self._lengths = np.empty((0, len(KEYPOINTS) - 1))
+        self.start = 0
+        self.motion = np.empty((0, len(KEYPOINTS), 3))
+        self.lengths = np.empty((0, len(KEYPOINTS) - 1))
 
-    def push(self, clip: KeypointClip) -> KeypointClip:
+    def push(self, clip: KeypointClip) -> None:
         """Take the next clip; it replaces everything from its first frame on.
 
         A clip that starts inside the motion so far cuts it. The last pose is held over a gap between the
         motion and the clip. A clip from before all that is kept begins a new motion.
-
-        Returns:
-            The smooth motion from 4 frames before the clip (where there are any: their future is known
-            only now) to the clip's end. The last 4 frames are provisional, smoothed as if the last pose
-            were held, and come again with the next clip.
 
         Raises:
             InvalidValueError: Keypoints are not (n, 17, 3), n > 0, or not finite. The motion so far stands.
@@ -60,21 +59,45 @@ class WindowSmoother:
                 f"frame {clip.start + frame} has a keypoint that is not finite", KEYPOINTS[keypoint]
             )
         motion, lengths = frames, bone_lengths(frames)
-        if len(self._motion) and clip.start > self._start:
+        if len(self.motion) and clip.start > self.start:
             before = self._frames_before(clip.start)
-            joined = frames + _seam_offset(self._motion[before], frames)
-            motion = np.concatenate([self._motion[before], joined])
-            lengths = np.concatenate([self._lengths[before], lengths])
-        self._motion, self._lengths, self._start = motion, lengths, clip.stop - len(motion)
-
-        emitted = slice(-min(len(frames) + RADIUS, len(motion)), None)
-        keypoints = with_bone_lengths(_gaussian(motion)[emitted], _gaussian(lengths)[emitted])
-        return KeypointClip(clip.stop - len(keypoints), keypoints)
+            joined = frames + _seam_offset(self.motion[before], frames)
+            motion = np.concatenate([self.motion[before], joined])
+            lengths = np.concatenate([self.lengths[before], lengths])
+        self.motion, self.lengths, self.start = motion, lengths, clip.stop - len(motion)
 
     def _frames_before(self, frame: int) -> np.ndarray:
         """Indices of the last HISTORY frames before a frame; the motion's last one repeats over a gap."""
-        frames = np.arange(max(self._start, frame - HISTORY), frame)
-        return np.minimum(frames - self._start, len(self._motion) - 1)
+        frames = np.arange(max(self.start, frame - HISTORY), frame)
+        return np.minimum(frames - self.start, len(self.motion) - 1)
+
+
+class WindowSmoother:
+    """Joins windows, smooths them by the Gaussian, and gives the bones the lengths that both have changed.
+
+    Attributes:
+        joiner: What joins them.
+    """
+
+    def __init__(self) -> None:
+        self.joiner = WindowJoiner()
+
+    def push(self, clip: KeypointClip) -> KeypointClip:
+        """Take the next clip; see WindowJoiner.push.
+
+        Returns:
+            The smooth motion from 4 frames before the clip (where there are any: their future is known
+            only now) to the clip's end. The last 4 frames are provisional, smoothed as if the last pose
+            were held, and come again with the next clip.
+
+        Raises:
+            InvalidValueError: See WindowJoiner.push.
+        """
+        self.joiner.push(clip)
+        motion, lengths = self.joiner.motion, self.joiner.lengths
+        emitted = slice(-min(len(clip.keypoints) + RADIUS, len(motion)), None)
+        keypoints = with_bone_lengths(_gaussian(motion)[emitted], _gaussian(lengths)[emitted])
+        return KeypointClip(clip.stop - len(keypoints), keypoints)
 
 
 def _gaussian(values: np.ndarray) -> np.ndarray:

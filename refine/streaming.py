@@ -1,5 +1,6 @@
 """Streaming refinement by a trained network: windows of 64 frames, every 8 as they are chosen."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -16,13 +17,15 @@ OVERLAP = RADIUS
 """Frames before a new window that are faded over to what the network makes of them now, knowing more."""
 
 
-def refined_motion(model: RefinementModel, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
+def refined_motion(
+    refined: Callable[[np.ndarray, np.ndarray], np.ndarray], features: np.ndarray, keypoints: np.ndarray
+) -> np.ndarray:
     """What NetworkRefiner ends up with for speech whose windows of 8 frames are all known, all at once.
 
     Args:
-        model: The network.
+        refined: From windows of features and keypoints to refined keypoints; see Card.refined.
         features: (n, 28) speech features.
-        keypoints: (n, 17, 3) what the search found for them [m], pelvis frame.
+        keypoints: (n, 17, 3) what the search found for them, joined [m], pelvis frame; see WindowJoiner.
 
     Returns:
         (n, 17, 3) [m], with the bone lengths of `keypoints`. Before the first frame, it counts as held.
@@ -30,8 +33,9 @@ def refined_motion(model: RefinementModel, features: np.ndarray, keypoints: np.n
     stops = np.array([*range(WINDOW, len(keypoints), WINDOW), len(keypoints)])
     rows = _window_rows(stops)
     made = np.zeros(keypoints.shape)
-    windows = model.refined(features[rows], keypoints[rows])
-    for (begin, stop), window in zip(pairwise([0, *stops]), windows, strict=True):
+    for (begin, stop), window in zip(
+        pairwise([0, *stops]), refined(features[rows], keypoints[rows]), strict=True
+    ):
         _lay_over(made, window, begin, stop)
     return with_bone_lengths(made, bone_lengths(keypoints))
 
@@ -58,17 +62,19 @@ class NetworkRefiner:
         """Take the next clip; it replaces everything from its first frame on.
 
         Args:
-            clip: See WindowSmoother.push.
+            clip: See WindowJoiner.push.
             source: Of the window; see plan.Window.
 
         Returns:
             As WindowSmoother.push: the last 4 frames come again, changed, with the next clip.
 
         Raises:
-            InvalidValueError: See WindowSmoother.push.
+            InvalidValueError: See WindowJoiner.push.
         """
         smooth = self._smoother.push(clip)
-        begin = self._append(clip, source)
+        joiner, new = self._smoother.joiner, slice(-len(clip.keypoints), None)
+        found = with_bone_lengths(joiner.motion[new], joiner.lengths[new])
+        begin = self._append(KeypointClip(clip.start, found), source)
         for first in range(begin, len(self._found), WINDOW):
             stop = min(first + WINDOW, len(self._found))
             rows = _window_rows(np.array([stop]))

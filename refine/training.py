@@ -4,7 +4,9 @@ import csv
 import hashlib
 import time
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +18,19 @@ from tqdm import tqdm
 
 from gesture_bot.base.errors import FileFormatError, InvalidValueError, TrainingError
 from gesture_bot.base.files import write_whole
-from gesture_bot.corpus.database import Database
+from gesture_bot.base.frames import WINDOW
+from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.refine.export import export
-from gesture_bot.refine.frechet import kinematic_distance
 from gesture_bot.refine.gan import Gan
 from gesture_bot.refine.model import Card
-from gesture_bot.refine.pairs import Pairs, find_pairs, held_out
+from gesture_bot.refine.pairs import held_out, walks
+from gesture_bot.refine.streaming import refined_motion
 
 SAVE_EVERY = 60.0
 """Between checkpoints [s]."""
 
-TESTED = 400
-"""Windows that are held out and looked at, at most."""
+Judge = Callable[[Sequence[np.ndarray], Sequence[np.ndarray]], dict[str, float]]
+"""Made and recorded motions, (n, 17, 3) each [m] -> distances by name; the first decides what is best."""
 
 LOSSES = ("distance", "penalty", "critic_gradient", "change", "generator_loss", "generator_gradient")
 
@@ -37,6 +40,7 @@ class Settings:
     """What shapes a model, but for how long it is trained.
 
     Attributes:
+        recipe: Name in gan.RECIPES.
         width: Share of the authors' channels.
         batch: Windows in a batch (MM22's code: 100); of each process, where there are several.
         seed: Of everything drawn at random.
@@ -44,6 +48,7 @@ class Settings:
         test_every: Iterations from one look at what is held out to the next; a multiple of report_every.
     """
 
+    recipe: str = "paper"
     width: float = 1.0
     batch: int = 100
     seed: int = 0
@@ -61,6 +66,7 @@ class Training:
         database: To train on.
         output: The model file, .onnx.
         settings: See Settings.
+        judge: Tells how far made motion is from real.
 
     Attributes:
         iteration: The last one done.
@@ -71,29 +77,44 @@ class Training:
         FileFormatError: There is a checkpoint of another training.
     """
 
-    def __init__(self, database: Database, output: Path, settings: Settings) -> None:
-        self._database, self._output, self._settings = database, output, settings
+    def __init__(self, database: Database, output: Path, settings: Settings, judge: Judge) -> None:
+        self._database, self._output, self._settings, self._judge = database, output, settings, judge
         self.iteration, self.rows = 0, list[dict[str, float]]()
-        self._best: dict[str, Any] = {"distance": np.inf, "iteration": 0, "generator": {}}
+        self._best: dict[str, Any] = {"distances": {}, "iteration": 0, "generator": {}}
         saved = self._read_checkpoint()
         held = held_out(database, settings.seed)
-        pairs, self._tested = find_pairs(database, held, settings.seed)
-        self._tested = _thinned(self._tested)
-        self._card = Card.of(database, pairs.real, asdict(settings))
+        found = walks(database, held, settings.seed)
+        trained = [walk for walk in found if walk.recording not in held]
+        self._tested = [walk for walk in found if walk.recording in held]
+        rows = np.concatenate([walk.rows for walk in trained])
+        self._card = Card.of(database, rows, asdict(settings))
         self._card.training["held_out"] = held.tolist()
+        # Every 8 frames (MM22: 5), where the search's windows end, as when they are refined one by one.
+        begins = np.cumsum([0, *(len(walk.rows) for walk in trained)])[:-1]
+        starts = [
+            begin + np.arange(0, len(walk.rows) - SEQUENCE + 1, WINDOW)
+            for begin, walk in zip(begins, trained, strict=True)
+        ]
+        later = [
+            np.minimum(WINDOW - 1, len(walk.rows) - SEQUENCE - (begun - begin))
+            for begin, begun, walk in zip(begins, starts, trained, strict=True)
+        ]
+        joined = np.concatenate([walk.joined for walk in trained], axis=1)
         self._gan = Gan(
-            np.ascontiguousarray(self._card.sound_in(database.features).T),
-            np.ascontiguousarray(self._card.gesture_in(database.keypoints).T),
-            pairs.real, pairs.found, settings.width, settings.batch, settings.seed,
+            self._card.sound_in(database.features[rows]).T.copy(),
+            self._card.gesture_in(database.keypoints[rows]).T.copy(),
+            np.swapaxes(self._card.gesture_in(joined), 1, 2).copy(),
+            np.concatenate(starts), np.concatenate(later),
+            settings.recipe, settings.width, settings.batch, settings.seed,
         )  # fmt: skip
         if saved:
             self._gan.restore(saved["networks"])
             self.iteration, self.rows, self._best = saved["iteration"], saved["rows"], saved["best"]
 
     @property
-    def results(self) -> tuple[int, float, float]:
-        """The best generator's iteration, its distance from real motion, and that of the search alone."""
-        return self._best["iteration"], self._best["distance"], self.rows[0]["held_out"]
+    def best(self) -> tuple[int, dict[str, float]]:
+        """The iteration of the best generator so far, and its distances from the real motion held out."""
+        return self._best["iteration"], self._best["distances"]
 
     @property
     def checkpoint(self) -> Path:
@@ -136,7 +157,8 @@ class Training:
             )
             sums.clear()
             shown = {name: f"{self.rows[-1].get(name, np.nan):.3g}" for name in LOSSES[:2] + ("change",)}
-            progress.set_postfix(shown, held_out=f"{self._best['distance']:.3g}", refresh=False)
+            best = {name: f"{value:.3g}" for name, value in self._best["distances"].items()}
+            progress.set_postfix(shown | best, refresh=False)
             if time.monotonic() > saved + SAVE_EVERY or iteration == iterations:
                 self._save()
                 saved = time.monotonic()
@@ -146,16 +168,18 @@ class Training:
         self.rows.append({"iteration": iteration, **losses})
         if iteration % self._settings.test_every and not last:
             return
+        refined, features = partial(self._card.refined, self._gan.run), self._database.features
         # k = 1, as when the robot speaks.
-        found = self._database.keypoints[self._tested.found[0]]
-        made = self._card.gesture_out(self._gan.made(self._tested.found[0], self._tested.real), found)
-        distance = kinematic_distance(self._database.keypoints[self._tested.real], made)
-        self.rows[-1]["held_out"] = distance
-        if iteration and distance < self._best["distance"]:
+        made = [refined_motion(refined, features[walk.rows], walk.joined[0]) for walk in self._tested]
+        real = [self._database.keypoints[walk.rows].astype(np.float64) for walk in self._tested]
+        distances = self._judge(made, real)
+        self.rows[-1] |= distances
+        (name, distance), *_ = distances.items()
+        if iteration and distance < self._best["distances"].get(name, np.inf):
             generator = {
-                name: value.cpu().clone() for name, value in self._gan.generator.state_dict().items()
+                name: value.cpu().clone() for name, value in self._gan.averaged.module.state_dict().items()
             }
-            self._best = {"distance": distance, "iteration": iteration, "generator": generator}
+            self._best = {"distances": distances, "iteration": iteration, "generator": generator}
 
     def _save(self) -> None:
         """Checkpoint, curves, and the best model so far."""
@@ -172,7 +196,7 @@ class Training:
         with write_whole(self.checkpoint) as temporary:
             torch.save(state, temporary)
         with write_whole(self._output.with_suffix(".csv")) as temporary, temporary.open("w") as file:
-            writer = csv.DictWriter(file, ["iteration", *LOSSES, "held_out"])
+            writer = csv.DictWriter(file, dict.fromkeys(name for row in self.rows for name in row))
             writer.writeheader()
             writer.writerows(self.rows)
         with write_whole(self._output.with_suffix(".png")) as temporary:
@@ -180,7 +204,7 @@ class Training:
         if self._best["iteration"]:
             self._card.training |= {
                 "iteration": self._best["iteration"],
-                "held_out_distance": self._best["distance"],
+                "held_out_distances": self._best["distances"],
             }
             export(self._best["generator"], self._settings.width, self._card, self._output)
 
@@ -209,24 +233,18 @@ class Training:
         return saved
 
 
-def _thinned(pairs: Pairs) -> Pairs:
-    chosen = slice(None, None, -(-len(pairs.real) // TESTED))
-    return Pairs(pairs.real[chosen], pairs.found[:, chosen])
-
-
 def _first() -> bool:
     """Whether this process is the one that writes."""
     return not distributed.is_initialized() or distributed.get_rank() == 0
 
 
 def _draw(rows: list[dict[str, float]]) -> Figure:
-    figure = Figure((12, 3.5), layout="constrained")
     titles = {
         "distance": "critic: real over made",
         "penalty": "gradient penalty",
         "change": "change of the gesture [deviations]",
-        "held_out": "held out: kinematic Frechet distance",
-    }
+    } | {name: f"held out: {name}" for name in rows[0] if name != "iteration"}
+    figure = Figure((3 * len(titles), 3.5), layout="constrained")
     for axes, (name, title) in zip(figure.subplots(1, len(titles)), titles.items(), strict=True):
         known = [(row["iteration"], row[name]) for row in rows if name in row]
         axes.plot(*zip(*known, strict=True), color="#1f6fb2")
