@@ -18,7 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from gesture_bot.base.errors import BusError, DeviceError
+from gesture_bot.base.errors import BusError, DeviceError, FileFormatError
 from gesture_bot.base.files import cache_dir
 from gesture_bot.nodes.discovery import RANGE, keep_local
 from gesture_bot.nodes.graph import NODES
@@ -88,13 +88,12 @@ def _memory() -> Iterator[Finding]:
 
 
 def _cache() -> Iterator[Finding]:
-    folder = cache_dir()
     try:
+        folder = cache_dir()
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        advice = f"let this user write there, or set XDG_CACHE_HOME; it belongs to {folder.owner()}"
-        yield Finding("cache folder", "bad", f"{folder}: {error.strerror}", advice)
+    except (FileFormatError, OSError) as error:
+        yield Finding("cache folder", "bad", str(error), "let this user write there, or set XDG_CACHE_HOME")
         return
     free = shutil.disk_usage(folder).free / GIB
     state: Literal["ok", "look"] = "ok" if free > 1.0 else "look"
@@ -116,7 +115,8 @@ def _ros() -> Iterator[Finding]:
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
     if not domain.isdecimal() or int(domain) > 232:
         yield Finding("domain", "bad", repr(domain), "set ROS_DOMAIN_ID to a number from 0 to 101")
-    elif 101 < int(domain) < 215:
+        return
+    if 101 < int(domain) < 215:
         advice = "other programs of Linux may take its ports: better a ROS_DOMAIN_ID from 0 to 101"
         yield Finding("domain", "look", domain, advice)
     else:
