@@ -213,7 +213,7 @@ def _serial() -> Iterator[Finding]:
             yield Finding("serial port", "bad" if usb else "look", found, advice)
         timer = latency(port.device)
         if timer is not None and timer > SHORTEST:
-            advice = "set to 1 ms when gesture-bot opens the port; if not: docs/03-your-own-servos.md"
+            advice = "set to 1 ms when gesture-bot opens the port; if not: docs/03-your-servos.md"
             yield Finding("latency timer", "look", f"{port.device} keeps answers back for {timer} ms", advice)
 
 

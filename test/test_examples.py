@@ -11,6 +11,7 @@ import pytest
 from conftest import command, listening, running, wait_until
 
 from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.graph import NODES
 from gesture_bot.nodes.node import seconds
 from gesture_bot.retarget.robot import load_robot
 
@@ -48,6 +49,8 @@ def seen(graph):
         wait_until(
             lambda: {"my_voice"} <= {w.message.header.frame_id for w in graph.record.words}, 10, "words"
         )
+        for arguments in [], ["reset"]:
+            subprocess.run(program("stop.py", *arguments), check=True, timeout=20)
         for name, process in lasting.items():
             process.send_signal(signal.SIGINT)
             outputs[name], _ = process.communicate(timeout=20)
@@ -88,10 +91,17 @@ def test_a_joint_is_taken_and_given_back(seen):
     assert {"joint": "teleop", "other": "gesture"} in [
         {"joint": one["right_elbow"], "other": one["left_elbow"]} for one in owners
     ]
-    assert owners[-1]["right_elbow"] == "gesture"
+    assert owners[-1]["right_elbow"] != "teleop"
     assert all(
         re.search(rf"{joint} .* rad  moved by", outputs["watch.py"]) for joint in load_robot("toa").joints
     )
+
+
+def test_a_stop_holds_until_it_is_reset(seen):
+    record, _ = seen
+    owners = [set(o.message.owners) for o in record.owners]
+    assert {"stop"} in owners
+    assert "stop" not in owners[-1]
 
 
 def test_a_robot_and_a_bank_of_ones_own(demo_corpus, tmp_path):
@@ -102,5 +112,22 @@ def test_a_robot_and_a_bank_of_ones_own(demo_corpus, tmp_path):
     assert {"mine.yaml", "mine.png", "mine.gif"} <= {path.name for path in tmp_path.iterdir()}
 
 
+def test_the_drawn_graph_is_the_running_one(graph):
+    page = (ROOT / "docs" / "08-how-it-works.md").read_text()
+    drawn = re.findall(r'^  (\w+) -- "(\S+)" --> (\w+)$', page, re.MULTILINE)
+    assert {node.name for node in NODES} == {
+        name for talker, _, hearer in drawn for name in (talker, hearer)
+    } - {"you"}
+    for talker, topic, hearer in drawn:
+        talkers, hearers = (
+            graph.get_publishers_info_by_topic(topic),
+            graph.get_subscriptions_info_by_topic(topic),
+        )
+        assert talker in {info.node_name for info in talkers}, (talker, topic)
+        assert hearer in {"you"} | {info.node_name for info in hearers}, (hearer, topic)
+
+
 def test_every_example_is_run_here():
-    assert {path.name for path in EXAMPLES.iterdir()} == {*ENDING, *LASTING, "build_bank.py", "add_robot.sh"}
+    assert {path.name for path in EXAMPLES.iterdir()} == {
+        *ENDING, *LASTING, "stop.py", "build_bank.py", "add_robot.sh",
+    }  # fmt: skip
