@@ -28,7 +28,11 @@ Pages to follow in order: docs/README.md of the source"""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser of a command, whose help ends with examples."""
+    """A parser of a command, whose help ends with examples.
+
+    Args:
+        examples: Command lines, one a line.
+    """
 
     def __init__(self, *arguments: Any, examples: str = "", **options: Any):
         options.setdefault("formatter_class", Help)
