@@ -144,7 +144,8 @@ def _traffic() -> Finding:
     from rclpy.executors import SingleThreadedExecutor
     from std_msgs.msg import String
 
-    topic, context, heard = f"gesture_bot_doctor_{os.getpid()}", Context(), []
+    topic, context = f"gesture_bot_doctor_{os.getpid()}", Context()
+    heard: list[String] = []
     talker = multiprocessing.get_context("spawn").Process(target=_talk, args=(topic,), daemon=True)
     init(context=context)
     try:
