@@ -3,7 +3,7 @@
 import argparse
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from gesture_bot.cli import STYLES
@@ -13,7 +13,7 @@ from gesture_bot.cli.doctor_checks import look
 def command(options: argparse.Namespace) -> int:
     """Print a table of what was found, and what to do about it; the exit status: 1 where anything is bad."""
     console = Console(highlight=False, markup=False)
-    table = Table("check", "", "", box=None, pad_edge=False, show_header=False)
+    table = Table("check", "", Column(overflow="fold"), box=None, pad_edge=False, show_header=False)
     states = []
     for finding in look():
         states.append(finding.state)

@@ -29,7 +29,7 @@ def program(name, *arguments):
 def graph(demo_corpus):
     # A microphone that is not there: the node has its topics, and hears nobody.
     with listening() as listener, running(command("run", "microphone:=none of all")):
-        wait_until(lambda: listener.record.joint_states and listener.record.refined, 40, "the graph to move")
+        wait_until(lambda: listener.record.joint_states and listener.record.refined, 120, "the graph to move")
         yield listener
 
 
@@ -45,16 +45,16 @@ def seen(graph):
         assert lasting["own_recogniser.py"].stdout.readline() == "listens\n"
         ending = {name: stack.enter_context(running(program(name))) for name in ENDING}
         for name, process in ending.items():
-            outputs[name], _ = process.communicate(timeout=60)
+            outputs[name], _ = process.communicate(timeout=120)
             assert process.returncode == 0, f"{name}: {outputs[name]}"
         wait_until(
             lambda: {"my_voice"} <= {w.message.header.frame_id for w in graph.record.words}, 10, "words"
         )
         for arguments in [], ["reset"]:
-            subprocess.run(program("stop.py", *arguments), check=True, timeout=20)
+            subprocess.run(program("stop.py", *arguments), check=True, timeout=60)
         for name, process in lasting.items():
             process.send_signal(signal.SIGINT)
-            outputs[name], _ = process.communicate(timeout=20)
+            outputs[name], _ = process.communicate(timeout=60)
     return graph.record, outputs
 
 
