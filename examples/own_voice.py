@@ -30,9 +30,11 @@ stream = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 audio = node.create_publisher(Audio, "speech/audio", stream)
 words = node.create_publisher(Word, "speech/words", 100)
 samples, said = synthesise("Hello, this is a voice of my own.")
-while not (audio.get_subscription_count() and words.get_subscription_count()):
+while "feature_streamer" not in [
+    one.node_name for one in node.get_subscriptions_info_by_topic("speech/audio")
+]:
     time.sleep(0.1)
-time.sleep(0.5)  # sound is best effort: what comes before all listen is lost
+time.sleep(0.5)  # sound is best effort: what comes before it listens is lost
 # Play your sound at `start`. Announced two seconds ahead, its strokes are prepared, and fall on its words.
 start = time.time() + 2.5
 for text, begin, end in said:
