@@ -64,7 +64,8 @@ def test_texts_and_voices_are_heard(seen):
     assert "Hello I am glad to see you" in " ".join(said)
     assert outputs["emotions.py"].count("heard") == 3
     assert "my_voice" in {k.message.header.frame_id for k in record.keywords if k.message.gesture == "hello"}
-    assert any(f.message.speech for f in record.features if f.message.header.frame_id == "my_voice")
+    parts = {status.name for heard in record.diagnostics for status in heard.message.status}
+    assert "gesture_bot: sound of my_voice" in parts
 
 
 def test_a_recogniser_hears_the_word_where_it_is(seen):
