@@ -4,6 +4,15 @@ import argparse
 
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE
 
+FILES = {
+    "speech": ("wav", "flac", "ogg"),
+    "database": ("safetensors",),
+    "model": ("onnx",),
+    "banks": ("yaml",),
+    "robot": ("yaml",),
+}
+"""Endings of the files that an argument may be; folders lead to them, or are it."""
+
 
 def command(options: argparse.Namespace) -> int:
     """Print what a shell has to read; the exit status."""
@@ -15,10 +24,13 @@ def command(options: argparse.Namespace) -> int:
 
 def complete_graph(prefix: str, **_: object) -> list[str]:
     """The NAME:=VALUE arguments of the graph that may begin so; values where there is a list of them."""
-    name, separator, _value = prefix.partition(":=")
+    from argcomplete.completers import FilesCompleter
+
+    name, separator, value = prefix.partition(":=")
     if not separator:
         return [f"{argument.name}:=" for argument in (*ARGUMENTS, NAMESPACE)]
-    return [f"{name}:={value}" for value in _values(name)]
+    files = FilesCompleter(FILES[name])(value) if name in FILES else []
+    return [f"{name}:={value}" for value in (*_values(name), *files)]
 
 
 def _values(name: str) -> list[str]:
