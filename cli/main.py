@@ -301,9 +301,9 @@ def _add_servos(commands: "argparse._SubParsersAction[Parser]") -> None:
         examples="gesture-bot servos scan\ngesture-bot servos check mine.yaml",
     )
     actions = servos.add_subparsers(title="what", metavar="WHAT", required=True)
-    port = argparse.ArgumentParser(add_help=False)
+    port = Parser(add_help=False)
     port.add_argument("--port", help="serial port (the only one)")
-    robot = argparse.ArgumentParser(add_help=False, parents=[port])
+    robot = Parser(add_help=False, parents=[port])
     robot.add_argument("robot", metavar="ROBOT", help="name of a robot, or path of its YAML file")
 
     scan = actions.add_parser(
