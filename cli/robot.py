@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gesture_bot.base.errors import InvalidValueError
+from gesture_bot.cli import STYLES
 from gesture_bot.evaluate.robot_gif import write_robot_picture
 from gesture_bot.retarget.checks import Finding, check_mapping
 from gesture_bot.retarget.mapping_file import rewrite_rest, write_mapping
@@ -19,7 +20,6 @@ from gesture_bot.retarget.urdf_file import read_urdf
 from gesture_bot.servo.table_check import table_problems
 
 MAPPINGS = (".yaml", ".yml")
-_STYLES = {"ok": "green", "look": "yellow", "bad": "bold red"}
 
 
 def command(options: argparse.Namespace) -> int:
@@ -92,7 +92,7 @@ def _print_findings(robot: Robot, console: Console) -> bool:
         findings.append(Finding("servos", "ok", f"{len(ids)}, ids {ids[0]} to {ids[-1]}"))
     table = Table("check", "", "", box=None, pad_edge=False, show_header=False)
     for finding in findings:
-        table.add_row(Text(finding.check), Text(finding.state, _STYLES[finding.state]), Text(finding.text))
+        table.add_row(Text(finding.check), Text(finding.state, STYLES[finding.state]), Text(finding.text))
     console.print(table)
     states = [finding.state for finding in findings]
     look, bad = states.count("look"), states.count("bad")

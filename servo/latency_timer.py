@@ -16,7 +16,12 @@ def shorten(serial: Serial) -> int | None:
     """Ask for the shortest latency; returns what the timer is then [ms], None for a port without one."""
     with suppress(ValueError, AttributeError):  # a port without one refuses; only Linux has the call
         serial.set_low_latency_mode(True)
-    timer = DEVICES / Path(serial.port).resolve().name / "latency_timer"
+    return latency(serial.port)
+
+
+def latency(port: str) -> int | None:
+    """What the timer of a port is [ms], None for a port without one."""
+    timer = DEVICES / Path(port).resolve().name / "latency_timer"
     try:
         return int(timer.read_text())
     except (OSError, ValueError):

@@ -21,6 +21,8 @@ LATENCY = 0.1
 DEFAULT = "default"
 """The name of the device that the system prefers."""
 
+_KINDS = {"input": "microphone", "output": "loudspeaker"}
+
 _open: set[object] = set()
 
 
@@ -115,10 +117,13 @@ def _portaudio() -> ModuleType:
     return library
 
 
-def _settings(device: str, direction: str) -> tuple[int, int]:
-    """SAMPLE_RATE where a device takes it, which needs no resampling, else its own [Hz]; and its channels."""
+def device_names(direction: str) -> list[str]:
+    """The names of the microphones ("input") or loudspeakers ("output") that are there now.
+
+    Raises:
+        DeviceError: There is none, or PortAudio is missing.
+    """
     portaudio = _portaudio()
-    kind = "microphone" if direction == "input" else "loudspeaker"
     try:
         if not _open:
             # PortAudio lists its devices once, when it starts.
@@ -128,11 +133,17 @@ def _settings(device: str, direction: str) -> tuple[int, int]:
     except portaudio.PortAudioError as error:
         raise DeviceError(f"no sound card can be used ({error})") from error
     if not names:
-        raise DeviceError(f"there is no {kind} on this machine")
+        raise DeviceError(f"there is no {_KINDS[direction]} on this machine")
+    return names
+
+
+def _settings(device: str, direction: str) -> tuple[int, int]:
+    """SAMPLE_RATE where a device takes it, which needs no resampling, else its own [Hz]; and its channels."""
+    portaudio, names = _portaudio(), device_names(direction)
     try:
         found = portaudio.query_devices(None if device == DEFAULT else device, direction)
     except (ValueError, portaudio.PortAudioError) as error:
-        raise DeviceError(f"{kind} not found", device, [DEFAULT, *names]) from error
+        raise DeviceError(f"{_KINDS[direction]} not found", device, [DEFAULT, *names]) from error
     rate, channels = SAMPLE_RATE, min(found[f"max_{direction}_channels"], 2)
     try:
         check = getattr(portaudio, f"check_{direction}_settings")

@@ -56,8 +56,8 @@ def demo_corpus():
     return demo_database()
 
 
-@pytest.fixture
-def listener():
+@contextmanager
+def listening():
     """A Recorder that spins in a thread."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
@@ -76,3 +76,10 @@ def listener():
     rclpy.shutdown(context=context)
     spinning.join(5)
     node.destroy_node()
+
+
+@pytest.fixture
+def listener():
+    """A Recorder that spins in a thread."""
+    with listening() as node:
+        yield node

@@ -1,0 +1,132 @@
+"""The programs of examples/, all at once beside one running graph, as users run them."""
+
+import re
+import signal
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from conftest import command, listening, running, wait_until
+
+from gesture_bot.base.files import config_dir
+from gesture_bot.nodes.graph import NODES
+from gesture_bot.nodes.node import seconds
+from gesture_bot.retarget.robot import load_robot
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+ENDING = ("talk.py", "emotions.py", "controls.py", "own_voice.py", "teleop.py")
+LASTING = {"own_recogniser.py": ["voice"], "watch.py": []}
+
+
+def program(name, *arguments):
+    return [sys.executable, "-u", str(EXAMPLES / name), *arguments]
+
+
+@pytest.fixture(scope="module")
+def graph(demo_corpus):
+    # A microphone that is not there: the node has its topics, and hears nobody.
+    with listening() as listener, running(command("run", "microphone:=none of all")):
+        wait_until(lambda: listener.record.joint_states and listener.record.refined, 120, "the graph to move")
+        yield listener
+
+
+@pytest.fixture(scope="module")
+def seen(graph):
+    """What was on the topics, and what each program printed."""
+    outputs = {}
+    with ExitStack() as stack:
+        lasting = {
+            name: stack.enter_context(running(program(name, *arguments)))
+            for name, arguments in LASTING.items()
+        }
+        assert lasting["own_recogniser.py"].stdout.readline() == "listens\n"
+        ending = {name: stack.enter_context(running(program(name))) for name in ENDING}
+        for name, process in ending.items():
+            outputs[name], _ = process.communicate(timeout=120)
+            assert process.returncode == 0, f"{name}: {outputs[name]}"
+        wait_until(
+            lambda: {"my_voice"} <= {w.message.header.frame_id for w in graph.record.words}, 10, "words"
+        )
+        for arguments in [], ["reset"]:
+            subprocess.run(program("stop.py", *arguments), check=True, timeout=60)
+        for name, process in lasting.items():
+            process.send_signal(signal.SIGINT)
+            outputs[name], _ = process.communicate(timeout=60)
+    return graph.record, outputs
+
+
+def test_texts_and_voices_are_heard(seen):
+    record, outputs = seen
+    said = [heard.message.text for heard in record.words if heard.message.header.frame_id == "voice"]
+    assert "Hello I am glad to see you" in " ".join(said)
+    assert outputs["emotions.py"].count("heard") == 3
+    assert "my_voice" in {k.message.header.frame_id for k in record.keywords if k.message.gesture == "hello"}
+    parts = {status.name for heard in record.diagnostics for status in heard.message.status}
+    assert "gesture_bot: sound of my_voice" in parts
+
+
+def test_a_recogniser_hears_the_word_where_it_is(seen):
+    record, outputs = seen
+    known, heard = (
+        [seconds(one.message.header.stamp) for one in record.words if one.message.text == text]
+        for text in ("Hello", "hello")
+    )
+    assert "hello" in outputs["own_recogniser.py"]
+    assert min(abs(mine - theirs) for mine in heard for theirs in known) < 0.3
+
+
+def test_emotions_and_controls_come_one_after_the_other(seen):
+    record, _ = seen
+    felt = [state.message.expression for state in record.states]
+    assert re.search("happy.* sad.* angry.* neutral", " ".join(felt))
+    asked = [[c.quantity for c in state.message.constraints] for state in record.states]
+    first, second = asked.index(["wrist_height"]), asked.index(["wrist_speed", "hand_radius"])
+    assert first < second < len(asked) - asked[::-1].index([])
+
+
+def test_a_joint_is_taken_and_given_back(seen):
+    record, outputs = seen
+    owners = [dict(zip(o.message.joints, o.message.owners, strict=True)) for o in record.owners]
+    assert {"joint": "teleop", "other": "gesture"} in [
+        {"joint": one["right_elbow"], "other": one["left_elbow"]} for one in owners
+    ]
+    assert owners[-1]["right_elbow"] != "teleop"
+    assert all(
+        re.search(rf"{joint} .* rad  moved by", outputs["watch.py"]) for joint in load_robot("toa").joints
+    )
+
+
+def test_a_stop_holds_until_it_is_reset(seen):
+    record, _ = seen
+    owners = [set(o.message.owners) for o in record.owners]
+    assert {"stop"} in owners
+    assert "stop" not in owners[-1]
+
+
+def test_a_robot_and_a_bank_of_ones_own(demo_corpus, tmp_path):
+    (tmp_path / "mine.urdf").write_text((config_dir() / "robots" / "toa.urdf").read_text())
+    for arguments in (program("build_bank.py"), ["sh", str(EXAMPLES / "add_robot.sh"), "mine.urdf"]):
+        subprocess.run(arguments, cwd=tmp_path, check=True, timeout=120)
+    assert "salute" in (tmp_path / "my_banks" / "mine.yaml").read_text()
+    assert {"mine.yaml", "mine.png", "mine.gif"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_the_drawn_graph_is_the_running_one(graph):
+    page = (ROOT / "docs" / "08-how-it-works.md").read_text()
+    drawn = re.findall(r'^  (\w+) -- "(\S+)" --> (\w+)$', page, re.MULTILINE)
+    assert {node.name for node in NODES} | {"you"} == {name for one in drawn for name in (one[0], one[2])}
+    for talker, topic, hearer in drawn:
+        talkers = {info.node_name for info in graph.get_publishers_info_by_topic(topic)}
+        # What has to be heard at once has a node of its own, such as servo_driver_urgent.
+        hearing = graph.get_subscriptions_info_by_topic(topic)
+        hearers = {info.node_name.removesuffix("_urgent") for info in hearing}
+        assert talker in talkers and hearer in {"you", *hearers}, topic
+
+
+def test_every_example_is_run_here():
+    assert {path.name for path in EXAMPLES.iterdir()} == {
+        *ENDING, *LASTING, "stop.py", "build_bank.py", "add_robot.sh",
+    }  # fmt: skip
