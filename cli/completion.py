@@ -50,4 +50,5 @@ def _values(name: str) -> list[str]:
         "database": ["demo"],
         "banks": ["shipped"],
         "port": ["virtual"],
+        "rviz": ["true", "false"],
     }.get(name, [])
