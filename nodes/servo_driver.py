@@ -46,7 +46,9 @@ class ServoDriver(ManagedNode):
         super().__init__(name, **options)
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
         port = self.parameter(
-            "port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"
+            "port",
+            "virtual",
+            "Serial port of the servo bus; of several, 'left=PORT right=PORT'; or 'virtual' (simulated)",
         )
         rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
         self._joints = list(robot.joints)

@@ -1,13 +1,15 @@
 """The servo driver: from a joint trajectory, through the safety envelope, to the servos and back."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus, Port
+from gesture_bot.servo.bus import Port
+from gesture_bot.servo.buses import RobotBus, open_bus, read_ports
 from gesture_bot.servo.collision_guard import CollisionGuard
 from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.following import Following
@@ -55,7 +57,8 @@ class Driver:
 
     Args:
         robot: Whose servo table, limits, rest pose and bus settings to use.
-        port: Path of the serial port, or a port of another kind.
+        port: Path of the serial port, or of each bus as `read_ports` takes it; or ports of another kind, by
+            the names of the buses.
         rate_hz: How often `tick` is called [1/s].
 
     Attributes:
@@ -65,24 +68,27 @@ class Driver:
         clock: Tells the time; on a simulated bus, the simulated time.
 
     Raises:
-        RobotError: The robot's servo table names an unknown model, or models of several series.
+        RobotError: The robot's servo table names an unknown model, or models of several series on one bus.
+        InvalidValueError: The text of ports does not fit the robot's buses; lists their names.
     """
 
-    def __init__(self, robot: Robot, port: str | Port, rate_hz: float = 100.0):
+    def __init__(self, robot: Robot, port: str | Port | Mapping[str, Port], rate_hz: float = 100.0):
         self.active = True
         self.stopped = False
         self.status = Status()
         self._robot = robot
-        self._port = Port(port) if isinstance(port, str) else port
-        self.clock = self._port.clock
+        series_of(robot)
+        if isinstance(port, str):
+            port = {name: Port(path) for name, path in read_ports(port, robot).items()}
+        self._ports = {"": port} if isinstance(port, Port) else dict(port)
+        self.clock = next(iter(self._ports.values())).clock
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
-        self._series = series_of(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
         self._lag = robot.bus.lag_ms / 1000
-        self._bus: Bus | None = None
-        self._port_lost = False
+        self._bus: RobotBus | None = None
+        self._lost_port = ""
         self._next_open = -math.inf
         self._last_tick = -math.inf
         self._ahead = -math.inf
@@ -99,12 +105,12 @@ class Driver:
         Raises:
             BusError: The port cannot be opened; a servo is missing, of another model, or not well.
         """
-        bus = Bus(self._port, self._robot.bus.baudrate, self._series)
+        bus = open_bus(self._robot, self._ports)
         self.status.latency_timer = bus.latency_timer
         try:
             check_servos(bus, self._robot)
             for servo in self._robot.servos:
-                set_up(bus, self._robot, servo)
+                set_up(bus.of(servo.id), self._robot, servo)
             self._reader = PresentReader(bus, self._table.ids)
             self._reader.read_all()
         except BusError:
@@ -116,7 +122,7 @@ class Driver:
         self._envelope.interventions = self.status.interventions
         self._upkeep = Upkeep(bus, self._robot, self._reader)
         self._following = Following(self._robot, self._dt)
-        self._bus, self._port_lost = bus, False
+        self._bus, self._lost_port = bus, ""
         self._arm()
         bus.hurry()
 
@@ -155,15 +161,15 @@ class Driver:
             PortError: The port has vanished.
             BusError: The port is back, but the robot cannot be started.
         """
-        if self._port_lost:
+        if self._lost_port:
             if self.clock.monotonic() < self._next_open:
-                raise PortError("the serial port has vanished", self._port.port_name)
+                raise PortError("the serial port has vanished", self._lost_port)
             self._next_open = self.clock.monotonic() + REOPEN_PERIOD
             self.start()
         try:
             return self._cycle(now)
-        except PortError:
-            self._lose_port()
+        except PortError as error:
+            self._lose_port(str(error.value))
             raise
 
     def close(self) -> None:
@@ -174,8 +180,8 @@ class Driver:
         Raises:
             BusError: The port has vanished.
         """
-        if self._port_lost:
-            raise PortError("the serial port has vanished", self._port.port_name)
+        if self._lost_port:
+            raise PortError("the serial port has vanished", self._lost_port)
         bus, on_exit = self._bus, self._robot.bus.on_exit
         if bus is None:
             return
@@ -308,10 +314,11 @@ class Driver:
         bus.set_all(used, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
         self._last_packet = self.clock.monotonic()
 
-    def _lose_port(self) -> None:
+    def _lose_port(self, port: str) -> None:
+        """Close all ports: what a bus does without the other would be no motion that was planned."""
         self.status.ports_lost += 1
         self._open_bus().close()
-        self._bus, self._port_lost = None, True
+        self._bus, self._lost_port = None, port
         self._next_open = self.clock.monotonic() + REOPEN_PERIOD
 
     def _go_to_rest(self) -> None:
@@ -332,7 +339,7 @@ class Driver:
             if elapsed > duration and np.allclose(self._envelope.positions, rest[0], atol=1e-3):
                 return
 
-    def _open_bus(self) -> Bus:
+    def _open_bus(self) -> RobotBus:
         if self._bus is None:
             raise BusError("the servo driver is not started")
         return self._bus

@@ -8,7 +8,7 @@ import numpy as np
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.health import Health, Heat, read_health
 from gesture_bot.servo.models import WATCHDOG_UNIT, find_model
 from gesture_bot.servo.preparation import setting_up
@@ -29,7 +29,7 @@ class Upkeep:
     is relaxed. Once nothing speaks against it, it is set up again, and its joint starts from where it is.
 
     Args:
-        bus: The bus.
+        bus: The bus, or all of them.
         robot: Whose servos they are; all are set up.
         reader: Knows who answers.
 
@@ -42,7 +42,7 @@ class Upkeep:
         slack: Whether torque is to be off; `relax` and `tighten` set it.
     """
 
-    def __init__(self, bus: Bus, robot: Robot, reader: PresentReader):
+    def __init__(self, bus: RobotBus, robot: Robot, reader: PresentReader):
         self.health: dict[str, Health] = {}
         self.heat = Heat(robot.bus, len(robot.servos))
         self.out = np.zeros(len(robot.servos), bool)
@@ -97,7 +97,8 @@ class Upkeep:
     def switch_off(self, joint: int, reason: str = HOT) -> None:
         """Let a servo be without torque, such as a hot one."""
         with suppress(BusError):  # one that does not answer is noticed by the reader
-            self._bus.write(self._robot.servos[joint].id, "Torque Enable", 0)
+            servo_id = self._robot.servos[joint].id
+            self._bus.of(servo_id).write(servo_id, "Torque Enable", 0)
             self._put_out(joint, reason)
 
     def relax(self) -> None:
@@ -127,7 +128,7 @@ class Upkeep:
 
     def _ask(self, joint: int) -> None:
         servo = self._robot.servos[joint]
-        health = read_health(self._bus, servo.id, self._models[joint])
+        health = read_health(self._bus.of(servo.id), servo.id, self._models[joint])
         if health is None:
             return
         self.health[servo.joint] = health
@@ -151,8 +152,9 @@ class Upkeep:
 
     def _bring_back(self, joint: int) -> Iterator[None]:
         servo = self._robot.servos[joint]
-        yield from setting_up(self._bus, self._robot, servo)
+        bus = self._bus.of(servo.id)
+        yield from setting_up(bus, self._robot, servo)
         yield
-        self._bus.write(servo.id, "Bus Watchdog", round(self._robot.bus.watchdog_ms / 1000 / WATCHDOG_UNIT))
+        bus.write(servo.id, "Bus Watchdog", round(self._robot.bus.watchdog_ms / 1000 / WATCHDOG_UNIT))
         self._reader.heard(servo.id)
         self._ready.add(joint)

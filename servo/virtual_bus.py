@@ -7,6 +7,7 @@ prints the port of a bus with ROBOT's servos in its rest pose, and serves it unt
 
 import argparse
 import contextlib
+import heapq
 import json
 import os
 import pty
@@ -16,6 +17,7 @@ import sys
 import termios
 import time
 import tty
+from collections.abc import Mapping
 from dataclasses import asdict
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -42,8 +44,8 @@ LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
 
 
-def servo_specs(robot: "Robot") -> list[ServoSpec]:
-    """The servos of a `retarget.robot.Robot`, standing in its rest pose.
+def servo_specs(robot: "Robot", bus: str | None = None) -> list[ServoSpec]:
+    """The servos of a `retarget.robot.Robot`, or those on one of its buses, standing in its rest pose.
 
     Raises:
         RobotError: A servo is of an unknown model, or the bus has a baud rate that no servo knows.
@@ -58,6 +60,7 @@ def servo_specs(robot: "Robot") -> list[ServoSpec]:
             robot.bus.baudrate,
         )
         for row, angle in zip(robot.servos, robot.rest, strict=True)
+        if bus in (None, row.bus)
     ]
 
 
@@ -69,34 +72,45 @@ def open_pseudo_terminal() -> tuple[int, str]:
     return servos_end, os.ttyname(controllers_end)
 
 
-def serve(wire: VirtualWire, servos_end: int, commands: int) -> None:
+def serve(wires: Mapping[int, VirtualWire], commands: int) -> None:
     """Answer packets in real time until the file descriptor `commands` ends; its lines set faults.
 
-    Each byte, either way, takes its time on the wire, and the wire carries one at a time.
+    Each byte, either way, takes its time on the wire, and a wire carries one at a time.
+
+    Args:
+        wires: Each by the servos' end of its pseudo-terminal (a file descriptor).
+        commands: Where words for `set_faults` come from.
     """
-    last = free = time.monotonic()
+    last = time.monotonic()
+    free = dict.fromkeys(wires, last)
+    on_the_way: list[tuple[float, int, bytes]] = []
     while True:
-        readable, _, _ = select.select([servos_end, commands], [], [], 10 * LONGEST_STEP)
+        due = on_the_way[0][0] if on_the_way else last + 10 * LONGEST_STEP
+        readable, _, _ = select.select([*wires, commands], [], [], max(due - time.monotonic(), 0.0))
         now = time.monotonic()
         while last < now:
             step = min(now - last, LONGEST_STEP)
-            wire.advance(step)
+            for wire in wires.values():
+                wire.advance(step)
             last += step
+        while on_the_way and on_the_way[0][0] <= now:
+            _, servos_end, answers = heapq.heappop(on_the_way)
+            os.write(servos_end, answers)
         if commands in readable:
             lines = os.read(commands, 4096).decode()
             if not lines:
                 return
-            set_faults(wire, lines.splitlines()[-1])
-        if servos_end in readable:
+            set_faults(wires.values(), lines.splitlines()[-1])
+        for servos_end in wires.keys() & readable:
+            wire = wires[servos_end]
             _, _, _, _, speed, _, _ = termios.tcgetattr(servos_end)
             wire.baudrate = SPEEDS.get(speed)
             packets = os.read(servos_end, 4096)
             answers = wire.receive(packets)
             byte_time = BITS / wire.baudrate if wire.baudrate else 0.0
-            free = max(free, now) + byte_time * (len(packets) + len(answers))
+            free[servos_end] = max(free[servos_end], now) + byte_time * (len(packets) + len(answers))
             if answers:  # what nobody answers only makes the next bytes wait
-                time.sleep(max(free - time.monotonic(), 0.0))
-                os.write(servos_end, answers)
+                heapq.heappush(on_the_way, (free[servos_end], servos_end, answers))
 
 
 class VirtualBus:
@@ -108,14 +122,14 @@ class VirtualBus:
         robot: A `retarget.robot.Robot`; its servos stand in the rest pose.
 
     Attributes:
-        port: Path of the serial port.
+        port: Path of the serial port; of several buses as `buses.read_ports` takes it.
     """
 
     port: str
 
     def __init__(self, robot: "Robot"):
         self._ids = [row.id for row in robot.servos]
-        self._specs = servo_specs(robot)
+        self._specs = {name: servo_specs(robot, name) for name in robot.buses}
 
     def __enter__(self) -> "VirtualBus":
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
@@ -128,7 +142,8 @@ class VirtualBus:
             start_new_session=True,
         )
         assert self._process.stdin and self._process.stdout
-        print(json.dumps([asdict(spec) for spec in self._specs]), file=self._process.stdin, flush=True)
+        wires = {name: [asdict(spec) for spec in specs] for name, specs in self._specs.items()}
+        print(json.dumps(wires), file=self._process.stdin, flush=True)
         self.port = self._process.stdout.readline().strip()
         if not self.port:
             raise BusError("the virtual bus did not start")
@@ -154,10 +169,13 @@ class VirtualBus:
 
 
 def _child() -> None:
-    specs = [ServoSpec(**row) for row in json.loads(sys.stdin.readline())]
-    servos_end, port = open_pseudo_terminal()
-    print(port, flush=True)
-    serve(VirtualWire(map(VirtualServo, specs)), servos_end, sys.stdin.fileno())
+    wires, ports = {}, []
+    for name, rows in json.loads(sys.stdin.readline()).items():
+        servos_end, port = open_pseudo_terminal()
+        wires[servos_end] = VirtualWire(VirtualServo(ServoSpec(**row)) for row in rows)
+        ports.append(f"{name}={port}" if name else port)
+    print(*ports, flush=True)
+    serve(wires, sys.stdin.fileno())
 
 
 def main() -> None:
