@@ -33,8 +33,14 @@ def robot_with(servos: int, buses: int) -> Robot:
     extra = range(servos - len(robot.joints))
     limits, chosen = robot.limits, [*range(len(robot.joints)), *[like for _ in extra]]
     names = (*robot.joints, *(f"hand_{i}" for i in extra))
+    hands = "".join(
+        f'<link name="hand_{i}_link"/><joint name="hand_{i}" type="revolute"><parent link="left_hand"/>'
+        f'<child link="hand_{i}_link"/><limit lower="-2" upper="2" velocity="5" effort="1"/></joint>'
+        for i in extra
+    )
     return replace(
         robot,
+        urdf=robot.urdf.replace("</robot>", f"{hands}</robot>"),
         limits=JointLimits(
             names,
             limits.lower[chosen],

@@ -8,6 +8,7 @@ prints the port of a bus with ROBOT's servos in its rest pose, and serves it unt
 import argparse
 import contextlib
 import heapq
+import itertools
 import json
 import os
 import pty
@@ -22,7 +23,7 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from gesture_bot.base.errors import BusError, GestureBotError, RobotError
+from gesture_bot.base.errors import BusError, GestureBotError, InvalidValueError, RobotError
 from gesture_bot.servo.fault_words import read_faults, set_faults
 from gesture_bot.servo.models import BAUD_RATES, find_model
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
@@ -30,6 +31,9 @@ from gesture_bot.servo.virtual_wire import VirtualWire
 
 if TYPE_CHECKING:
     from gesture_bot.retarget.robot import Robot
+
+PHYSICS = ("first_order", "mujoco")
+"""What there may be behind the servos."""
 
 CHILD = "-"
 """In place of a robot: the servos come as JSON on the standard input."""
@@ -58,6 +62,9 @@ def servo_specs(robot: "Robot", bus: str | None = None) -> list[ServoSpec]:
             row.model,
             find_model(row.model).ticks(row.direction * angle + row.offset),
             robot.bus.baudrate,
+            row.joint,
+            row.direction,
+            row.offset,
         )
         for row, angle in zip(robot.servos, robot.rest, strict=True)
         if bus in (None, row.bus)
@@ -120,6 +127,8 @@ class VirtualBus:
 
     Args:
         robot: A `retarget.robot.Robot`; its servos stand in the rest pose.
+        physics: One of PHYSICS: `first_order` joints follow their servos as if they had no weight;
+            with `mujoco` the robot's URDF has gravity, inertia, and motors with the torque of the servos.
 
     Attributes:
         port: Path of the serial port; of several buses as `buses.read_ports` takes it.
@@ -127,9 +136,13 @@ class VirtualBus:
 
     port: str
 
-    def __init__(self, robot: "Robot"):
+    def __init__(self, robot: "Robot", physics: str = PHYSICS[0]):
+        if physics not in PHYSICS:
+            raise InvalidValueError("the virtual bus knows no such physics", physics, PHYSICS)
         self._ids = [row.id for row in robot.servos]
-        self._specs = {name: servo_specs(robot, name) for name in robot.buses}
+        wires = {name: [asdict(spec) for spec in servo_specs(robot, name)] for name in robot.buses}
+        body = {"name": robot.name, "urdf": robot.urdf} if physics == "mujoco" else None
+        self._task = json.dumps({"wires": wires, "body": body})
 
     def __enter__(self) -> "VirtualBus":
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
@@ -142,8 +155,7 @@ class VirtualBus:
             start_new_session=True,
         )
         assert self._process.stdin and self._process.stdout
-        wires = {name: [asdict(spec) for spec in specs] for name, specs in self._specs.items()}
-        print(json.dumps(wires), file=self._process.stdin, flush=True)
+        print(self._task, file=self._process.stdin, flush=True)
         self.port = self._process.stdout.readline().strip()
         if not self.port:
             raise BusError("the virtual bus did not start")
@@ -169,10 +181,17 @@ class VirtualBus:
 
 
 def _child() -> None:
+    task = json.loads(sys.stdin.readline())
+    specs = {name: [ServoSpec(**row) for row in rows] for name, rows in task["wires"].items()}
+    body = None
+    if task["body"]:
+        from gesture_bot.servo.virtual_body import Body  # MuJoCo takes its time
+
+        body = Body(servos=itertools.chain(*specs.values()), **task["body"])
     wires, ports = {}, []
-    for name, rows in json.loads(sys.stdin.readline()).items():
+    for name, own in specs.items():
         servos_end, port = open_pseudo_terminal()
-        wires[servos_end] = VirtualWire(VirtualServo(ServoSpec(**row)) for row in rows)
+        wires[servos_end] = VirtualWire(VirtualServo(spec, body and body.joint(spec)) for spec in own)
         ports.append(f"{name}={port}" if name else port)
     print(*ports, flush=True)
     serve(wires, sys.stdin.fileno())
@@ -182,14 +201,16 @@ def main() -> None:
     """Serve the bus of the robot named on the command line, or be the child of a VirtualBus."""
     parser = argparse.ArgumentParser("virtual_bus", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("robot", metavar="ROBOT", help="name, or path of its YAML file")
-    robot = parser.parse_args().robot
+    parser.add_argument("--physics", choices=PHYSICS, default=PHYSICS[0], help="what moves the joints")
+    options = parser.parse_args()
+    robot = options.robot
     if robot == CHILD:
         _child()
         return
     from gesture_bot.retarget.robot import load_robot  # which the child does without, to start fast
 
     try:
-        with VirtualBus(load_robot(robot)) as bus, contextlib.suppress(KeyboardInterrupt):
+        with VirtualBus(load_robot(robot), options.physics) as bus, contextlib.suppress(KeyboardInterrupt):
             print(bus.port, flush=True)
             while True:
                 time.sleep(3600)
