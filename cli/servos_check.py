@@ -65,7 +65,10 @@ def _table(inspections: list[Inspection]) -> Table:
     table.add_column("setting -> as it should be")
     for one in inspections:
         model = f"{one.servo.model} v{one.firmware}" if one.firmware else one.servo.model
-        settings = [f"{change.register} {change.value} -> {change.wanted}" for change in one.changes]
+        settings = [
+            f"{change.register} {change.value}{change.meaning and f' ({change.meaning})'} -> {change.wanted}"
+            for change in one.changes
+        ]
         if settings or not one.problems:
             table.add_row(one.servo.joint, str(one.servo.id), model, "\n".join(settings) or "in order")
     return table

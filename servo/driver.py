@@ -14,12 +14,14 @@ from gesture_bot.servo.collision_guard import CollisionGuard
 from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.following import Following
 from gesture_bot.servo.models import WATCHDOG_UNIT
+from gesture_bot.servo.pacing import Pacing
+from gesture_bot.servo.precautions import Precautions
 from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable, series_of
 from gesture_bot.servo.trajectories import Overlay, coast, ease, easing_time
-from gesture_bot.servo.upkeep import NO_ANSWER, RELAXED, Upkeep
+from gesture_bot.servo.upkeep import Upkeep
 
 EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
@@ -29,24 +31,6 @@ HALF_LIFE = 0.05
 
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""
-
-AT_REST = 1e-3
-"""A hot joint that was sent this close to its rest position is switched off [rad]."""
-
-PATIENCE = 2.0
-"""A joint that the collision guard holds for so long is told; a hot one is switched off there [s]."""
-
-STILL = 1e-3
-"""Joints that are sent no faster than this stand [rad/s] ..."""
-
-SETTLED = 0.3
-"""... and have come to rest when that is so long ago [s], since servos are behind their goals."""
-
-LONGEST_PAUSE = 0.1
-"""Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
-
-CLOCK_DRIFT = 1e-3
-"""How much faster one of them may run."""
 
 REOPEN_PERIOD = 0.5
 """Time from one try to open a port that has vanished to the next [s]."""
@@ -90,14 +74,10 @@ class Driver:
         self._bus: RobotBus | None = None
         self._lost_port = ""
         self._next_open = -math.inf
-        self._last_tick = -math.inf
-        self._ahead = -math.inf
-        self._sampled = -math.inf
+        self._pacing = Pacing(self._dt)
         self._commanded = -math.inf
         self._fresh = False
         self._last_packet = -math.inf
-        self._stood = 0.0
-        self._kept_off = np.zeros(len(robot.joints))
 
     def start(self) -> None:
         """Open the port, check and set up every servo, and switch torque on where each joint is.
@@ -122,6 +102,7 @@ class Driver:
         self._envelope.interventions = self.status.interventions
         self._upkeep = Upkeep(bus, self._robot, self._reader)
         self._following = Following(self._robot, self._dt)
+        self._precautions = Precautions(self._robot, self._dt, self._envelope, self._upkeep, self._following)
         self._bus, self._lost_port = bus, ""
         self._arm()
         bus.hurry()
@@ -132,7 +113,7 @@ class Driver:
         Raises:
             InvalidValueError: It is not a trajectory for these joints. What was planned before goes on.
         """
-        self._plan.add(trajectory, self._sampled + self._lag)
+        self._plan.add(trajectory, self._pacing.sampled + self._lag)
         self._fresh = True
 
     def activate(self) -> None:
@@ -197,52 +178,26 @@ class Driver:
 
     def _cycle(self, now: float) -> Feedback:
         self._open_bus()
-        self._compare_clocks(now)
-        self._account(now)
-        self._upkeep.step(self.clock.monotonic())
-        # Servos are behind their goals: these are sent so much earlier.
-        positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
-        asked, planned = self._asked(positions[0], velocities[0]), positions[1]
-        self._exchange(*asked)
-        measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        self._compare(measured, efforts)
-        self._relax_or_tighten()
-        self._tell()
-        stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
-        planned = np.where(stopped, np.nan, planned)
-        stamp = self._reader.read_at + self._ahead
-        prompt = self._reader.prompt and bool((self._reader.fresh | self._upkeep.out).all())
-        return Feedback(measured, speeds, efforts, planned, stamp, prompt)
-
-    def _compare_clocks(self, now: float) -> None:
-        """Note how far `now` is ahead of the monotonic clock. The thread may have paused in between."""
-        ahead = now - self.clock.monotonic()
-        paused = 0.0 < self._ahead - ahead < LONGEST_PAUSE
-        self._ahead = max(ahead, self._ahead - CLOCK_DRIFT * self._dt) if paused else ahead
-
-    def _account(self, now: float) -> None:
-        status = self.status
+        clock, status, reader = self.clock, self.status, self._reader
         status.cycles += 1
-        status.late_cycles += math.inf > now - self._last_tick > 1.5 * self._dt
-        self._last_tick = now
-        # The plan is sampled at even steps that follow the clock slowly: ticks jitter, motion must not.
-        due = self._sampled + self._dt
-        self._sampled = due + 0.02 * (now - due) if abs(now - due) < self._dt else now
+        self._pacing.tick(now, clock.monotonic())
         if self._fresh:
             self._commanded, self._fresh = now, False
+        self._upkeep.step(clock.monotonic())
+        # Servos are behind their goals: these are sent so much earlier.
+        positions, velocities = self._plan.at(self._pacing.sampled + np.array([self._lag, 0.0]))
+        precautions, stopped = self._precautions, self.stopped
+        asked = precautions.asked(positions[0], velocities[0], self.active, stopped, clock.monotonic())
+        self._exchange(*asked)
+        measured, speeds, efforts = self._table.joint_state(reader.present)
+        precautions.observe(measured, efforts, reader.fresh, stopped, clock.monotonic())
+        precautions.tell(status)
         status.command_age = now - self._commanded
-
-    def _asked(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the joints are asked for: what is planned, unless they are to hold, to rest or to yield."""
-        upkeep, hot = self._upkeep, self._upkeep.heat.hot
-        faulty = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
-        holding = self.stopped or not self.active or upkeep.relaxed or faulty
-        everyone = np.full(len(hot), self.status.holding and not holding)
-        self._envelope.ease(everyone | hot | self._following.release(self.clock.monotonic()))
-        self.status.holding = holding
-        positions = np.where(holding | upkeep.out, np.nan, positions)
-        positions = np.where(hot & ~upkeep.out & (not self.stopped), self._robot.rest, positions)
-        return self._following.soften(positions, np.where(hot, 0.0, velocities))
+        status.late_cycles = self._pacing.late
+        status.late_answers, status.read_failures = reader.late, reader.failures
+        planned = np.where(precautions.unplanned(), np.nan, positions[1])
+        prompt = reader.prompt and bool((reader.fresh | self._upkeep.out).all())
+        return Feedback(measured, speeds, efforts, planned, self._pacing.stamp(reader.read_at), prompt)
 
     def _exchange(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """One cycle on the bus: goals out, through the envelope, and the present state in."""
@@ -256,52 +211,6 @@ class Driver:
         bus.sync_write("Goal Position", {servo_id: goals[servo_id] for servo_id, on in used if on})
         self._last_packet = self.clock.monotonic()
         self._reader.read()
-
-    def _compare(self, measured: np.ndarray, efforts: np.ndarray) -> None:
-        """See which joints are out of service, limp, blocked, or to be switched off."""
-        upkeep, following = self._upkeep, self._following
-        back = upkeep.heed()
-        # What is out of service starts again from where it is.
-        if (moved := upkeep.out | back).any():
-            self._envelope.reset(measured, moved)
-        watched = ~upkeep.out & self._reader.fresh
-        following.compare(self._envelope.positions.copy(), measured, efforts, watched, self.clock.monotonic())
-        upkeep.odd = following.limp
-        # On a stop, a hot joint may go nowhere: it is switched off where it stands.
-        goal = self._envelope.positions if self.stopped else self._robot.rest
-        rested = np.abs(self._envelope.positions - goal) < AT_REST
-        rested &= np.abs(self._envelope.velocities) < STILL
-        self._kept_off = np.where(self._envelope.kept_off, self._kept_off + self._dt, 0.0)
-        rested |= self._kept_off > PATIENCE
-        for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
-            upkeep.switch_off(int(joint))
-
-    def _relax_or_tighten(self) -> None:
-        """On a stop, switch torque off once the joints stand, if so configured; afterwards, on again."""
-        upkeep = self._upkeep
-        moves = bool((np.abs(self._envelope.velocities) > STILL).any())
-        self._stood = 0.0 if moves else self._stood + self._dt
-        relax = self.stopped and self._robot.bus.on_stop == "relax"
-        if relax and not upkeep.slack and self._stood >= SETTLED:
-            upkeep.relax()
-        elif upkeep.slack and not relax:
-            upkeep.tighten()
-
-    def _tell(self) -> None:
-        def names(joints: np.ndarray) -> tuple[str, ...]:
-            return tuple(self._robot.joints[joint] for joint in np.flatnonzero(joints))
-
-        status, upkeep = self.status, self._upkeep
-        status.late_answers = self._reader.late
-        status.read_failures = self._reader.failures
-        status.health = upkeep.health
-        status.out = {joint: reason for joint, reason in upkeep.reasons.items() if reason != RELAXED}
-        status.relaxed = upkeep.relaxed
-        status.silent = tuple(joint for joint, reason in upkeep.reasons.items() if reason == NO_ANSWER)
-        status.warm = names(upkeep.heat.speed < 1.0)
-        status.yielding = names(self._following.yielding)
-        status.blocks = self._following.blocks
-        status.kept_off = names(self._kept_off > PATIENCE)
 
     def _arm(self) -> None:
         """Clear and arm the servos' watchdogs, and start again from where the joints are."""

@@ -21,6 +21,9 @@ SHUTDOWN = 1 << 2 | 1 << 4 | 1 << 5
 NO_SECOND_ID = 253
 """Secondary(Shadow) ID (12): from here on, there is none."""
 
+DRIVE_MODES = {0: "reverse", 1: "follower", 2: "time-based", 3: "torque by goal"}
+"""Bits of Drive Mode (10). With time-based profiles, Profile Velocity, a joint's last limit, is a time."""
+
 MARGIN = math.radians(5.0)
 """Position limits lie so far outside the joint's range [rad]: a joint that hangs against its stop may stand a
 little beyond it, and the goal must be there when torque comes on."""
@@ -39,6 +42,12 @@ class Change:
     register: str
     value: int
     wanted: int
+
+    @property
+    def meaning(self) -> str:
+        """What the bits of Drive Mode (10) that are set stand for; empty for any other register."""
+        bits = self.value if self.register == "Drive Mode" else 0
+        return ", ".join(name for bit, name in DRIVE_MODES.items() if bits & 1 << bit)
 
 
 @dataclass(frozen=True)

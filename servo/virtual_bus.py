@@ -191,7 +191,9 @@ def _child() -> None:
     wires, ports = {}, []
     for name, own in specs.items():
         servos_end, port = open_pseudo_terminal()
-        wires[servos_end] = VirtualWire(VirtualServo(spec, body and body.joint(spec)) for spec in own)
+        wires[servos_end] = VirtualWire(
+            VirtualServo(spec, body.joint(spec) if body else None) for spec in own
+        )
         ports.append(f"{name}={port}" if name else port)
     print(*ports, flush=True)
     serve(wires, sys.stdin.fileno())

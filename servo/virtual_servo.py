@@ -27,6 +27,9 @@ DERIVATIVE = 1 / 16 / 885 * 0.001
 """Share of the full voltage for 1 tick/s, at a Position D Gain (80) of 1. The e-Manual gives the scale, 1/16,
 but not for which time the difference is; a millisecond is assumed. Only the MuJoCo physics heed the gain."""
 
+TIME_BASED = 1 << 2
+"""Bit of Drive Mode (10): Profile Velocity and Profile Acceleration are times [ms]."""
+
 IN_POSITION, ONGOING, KIND = 1 << 0, 1 << 1, 1 << 4
 """Bits of Moving Status (123), and the place of the profile's type."""
 
@@ -67,8 +70,8 @@ class ServoSpec:
 class VirtualServo(VirtualTable):
     """A servo, and the joint that it turns while torque is on, in position mode.
 
-    The profile leads to Goal Position, by Profile Velocity and Profile Acceleration; it is always
-    velocity-based.
+    The profile leads to Goal Position, by Profile Velocity and Profile Acceleration; these are velocity and
+    acceleration or, as Drive Mode says, times.
 
     Args:
         spec: Which servo.
@@ -152,9 +155,13 @@ class VirtualServo(VirtualTable):
         """Go along the profile: where the motor is to be, and how hard it tries."""
         profile, series, scale = self._profile, self.model.series, self.model.ticks_per_radian
         if self._new_goal:
-            speed = self.get("Profile Velocity") * series.velocity_unit * scale
-            acceleration = self.get("Profile Acceleration") * series.acceleration_unit * scale
-            profile.begin(self.get("Goal Position") - self.homing, speed, acceleration)
+            goal = self.get("Goal Position") - self.homing
+            velocity, acceleration = self.get("Profile Velocity"), self.get("Profile Acceleration")
+            if self.get("Drive Mode") & TIME_BASED:
+                profile.begin_timed(goal, velocity / 1000, acceleration / 1000)
+            else:
+                speed = velocity * series.velocity_unit * scale
+                profile.begin(goal, speed, acceleration * series.acceleration_unit * scale)
             self._new_goal = False
         begin = profile.position
         profile.advance(seconds)
