@@ -118,6 +118,8 @@ class VirtualWire:
             del self._received[: -len(HEADER) + 1]
             return b""
         del self._received[:start]
+        if len(self._received) < SHORTEST_PACKET:
+            return b""
         stop = PKT_INSTRUCTION + int.from_bytes(self._received[PKT_LENGTH_L:PKT_INSTRUCTION], "little")
         if not SHORTEST_PACKET <= stop <= LONGEST_PACKET:
             del self._received[: len(HEADER)]
