@@ -57,8 +57,10 @@ def read_states(bus: RobotBus, robot: Robot) -> list[ServoState | None]:
     ids = [servo.id for servo in robot.servos]
     answers = bus.sync_read(ids, "Torque Enable", RECORD.itemsize, fast=False)
     for servo_id in set(ids) - set(answers):
-        answers |= bus.sync_read([servo_id], "Torque Enable", RECORD.itemsize, fast=False)
-    return [_state(robot, joint, answers.get(servo_id, b"")) for joint, servo_id in enumerate(ids)]
+        own = bus.of(servo_id)
+        first = own.registers["Torque Enable"].address
+        answers[servo_id] = own.try_read(servo_id, first, RECORD.itemsize)
+    return [_state(robot, joint, answers[servo_id]) for joint, servo_id in enumerate(ids)]
 
 
 def _state(robot: Robot, joint: int, data: bytes) -> ServoState | None:

@@ -95,14 +95,14 @@ def serve(wires: Mapping[int, VirtualWire], commands: int) -> None:
         due = on_the_way[0][0] if on_the_way else last + 10 * LONGEST_STEP
         readable, _, _ = select.select([*wires, commands], [], [], max(due - time.monotonic(), 0.0))
         now = time.monotonic()
-        while last < now:
+        while on_the_way and on_the_way[0][0] <= now:
+            _, servos_end, answers = heapq.heappop(on_the_way)
+            os.write(servos_end, answers)
+        while last < now and (readable or now - last > LONGEST_STEP):
             step = min(now - last, LONGEST_STEP)
             for wire in wires.values():
                 wire.advance(step)
             last += step
-        while on_the_way and on_the_way[0][0] <= now:
-            _, servos_end, answers = heapq.heappop(on_the_way)
-            os.write(servos_end, answers)
         if commands in readable:
             lines = os.read(commands, 4096).decode()
             if not lines:
