@@ -26,15 +26,21 @@ SERVOS = 14
 BAUDRATE = 1_000_000
 
 
-def robot_with(servos: int) -> Robot:
-    """toa, with more servos like its wrists'."""
+def robot_with(servos: int, buses: int) -> Robot:
+    """toa, with more servos like its wrists', on one bus or on several in turn."""
     robot = load_robot("toa")
     like = robot.joints.index("left_wrist")
     extra = range(servos - len(robot.joints))
     limits, chosen = robot.limits, [*range(len(robot.joints)), *[like for _ in extra]]
     names = (*robot.joints, *(f"hand_{i}" for i in extra))
+    hands = "".join(
+        f'<link name="hand_{i}_link"/><joint name="hand_{i}" type="revolute"><parent link="left_hand"/>'
+        f'<child link="hand_{i}_link"/><limit lower="-2" upper="2" velocity="5" effort="1"/></joint>'
+        for i in extra
+    )
     return replace(
         robot,
+        urdf=robot.urdf.replace("</robot>", f"{hands}</robot>"),
         limits=JointLimits(
             names,
             limits.lower[chosen],
@@ -43,9 +49,14 @@ def robot_with(servos: int) -> Robot:
             limits.acceleration[chosen],
         ),
         rest=robot.rest[chosen],
-        servos=(
-            *robot.servos,
-            *(replace(robot.servos[like], joint=f"hand_{i}", id=100 + i) for i in extra),
+        servos=tuple(
+            replace(servo, bus=f"bus_{at % buses}")
+            for at, servo in enumerate(
+                (
+                    *robot.servos,
+                    *(replace(robot.servos[like], joint=f"hand_{i}", id=100 + i) for i in extra),
+                )
+            )
         ),
         bus=robot.bus.model_copy(update={"baudrate": BAUDRATE, "on_exit": "off"}),
     )
@@ -63,8 +74,8 @@ def swing(robot: Robot, begin: float, seconds: float) -> JointTrajectory:
     )
 
 
-def measure(seconds: float) -> dict[str, object]:
-    robot = robot_with(SERVOS)
+def measure(seconds: float, buses: int) -> dict[str, object]:
+    robot = robot_with(SERVOS, buses)
     sys.setswitchinterval(5e-4)  # as the node has it
     with VirtualBus(robot) as bus:
         driver = Driver(robot, bus.port, RATE)
@@ -87,6 +98,7 @@ def measure(seconds: float) -> dict[str, object]:
     error = 1000 * np.abs(np.diff(asked) - 1.0 / RATE)
     return {
         "servos": SERVOS,
+        "buses": buses,
         "baudrate": BAUDRATE,
         "rate_hz": round(len(asked) / wall, 2),
         "period_error_ms": {f"p{p}": round(float(np.percentile(error, p)), 3) for p in (50, 95, 99, 100)},
@@ -102,7 +114,9 @@ def measure(seconds: float) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the run [s]")
-    result = measure(parser.parse_args().seconds)
+    parser.add_argument("--buses", type=int, default=1, help="how many the servos are spread over")
+    options = parser.parse_args()
+    result = measure(options.seconds, options.buses)
     print(json.dumps({**result, "machine": machine()}))
 
 

@@ -74,7 +74,7 @@ def listening_bus() -> Iterator[tuple[ListeningWire, str]]:
     wire = ListeningWire()
     servos_end, port = open_pseudo_terminal()
     stop_reading, stop = os.pipe()
-    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading))
+    thread = threading.Thread(target=serve, args=({servos_end: wire}, stop_reading))
     thread.start()
     try:
         yield wire, port

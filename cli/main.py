@@ -352,7 +352,10 @@ def _add_servos(commands: "argparse._SubParsersAction[Parser]") -> None:
     actions = servos.add_subparsers(title="what", metavar="WHAT", required=True)
     port = Parser(add_help=False)
     port.add_argument("--port", help="serial port (the only one)")
-    robot = Parser(add_help=False, parents=[port])
+    robot = Parser(add_help=False)
+    robot.add_argument(
+        "--port", help="serial port (the only one); of a robot with several buses 'left=PORT right=PORT'"
+    )
     robot.add_argument("robot", metavar="ROBOT", help="name of a robot, or path of its YAML file")
 
     scan = actions.add_parser(

@@ -9,25 +9,25 @@ from contextlib import closing, contextmanager
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.retarget.robot import Robot, load_robot
-from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus, open_bus, read_ports
 from gesture_bot.servo.scan import only_port
 from gesture_bot.servo.settings import with_torque
-from gesture_bot.servo.table import series_of
 
 
 @contextmanager
-def open_robot(options: argparse.Namespace) -> Iterator[tuple[Robot, Bus]]:
-    """The robot that is named on the command line, and its open bus.
+def open_robot(options: argparse.Namespace) -> Iterator[tuple[Robot, RobotBus]]:
+    """The robot that is named on the command line, and its open bus, or all of them.
 
     Raises:
         GestureBotError: There is no such robot or port, or the port cannot be opened.
     """
     robot = load_robot(options.robot)
-    with closing(Bus(options.port or only_port(), robot.bus.baudrate, series_of(robot))) as bus:
+    port = options.port or (only_port() if len(robot.buses) == 1 else "")
+    with closing(open_bus(robot, read_ports(port, robot))) as bus:
         yield robot, bus
 
 
-def release(bus: Bus, ids: Iterable[int]) -> None:
+def release(bus: RobotBus, ids: Iterable[int]) -> None:
     """Switch torque off, after somebody has said that the robot is held.
 
     Raises:
@@ -38,7 +38,7 @@ def release(bus: Bus, ids: Iterable[int]) -> None:
         names = ", ".join(map(str, powered))
         ask(f"Hold the robot: torque goes off at servo {names}. Enter: go on, Ctrl-C: leave it on.")
     for servo_id in powered:
-        bus.write(servo_id, "Torque Enable", 0)
+        bus.of(servo_id).write(servo_id, "Torque Enable", 0)
 
 
 def ask(question: str) -> None:

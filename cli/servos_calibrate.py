@@ -12,6 +12,7 @@ from gesture_bot.base.errors import InvalidValueError, RobotError
 from gesture_bot.cli.servo_bus import answer, open_robot, release
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.calibration import calibrate, read_angle, save_homings, saved_homings
 from gesture_bot.servo.preparation import check_servos
 from gesture_bot.servo.settings import read_homing
@@ -31,11 +32,11 @@ def command(options: argparse.Namespace) -> int:
         saved = saved_homings(robot) if options.undo else {}
         check_servos(bus, robot)
         release(bus, [servo.id for servo in servos])
-        now = {servo.joint: read_homing(bus, servo.id) for servo in robot.servos}
+        now = {servo.joint: read_homing(bus.of(servo.id), servo.id) for servo in robot.servos}
         if options.undo:
             save_homings(robot, now)
             for servo in servos:
-                _go_back(bus, servo, now[servo.joint], saved.get(servo.joint, now[servo.joint]))
+                _go_back(bus.of(servo.id), servo, now[servo.joint], saved.get(servo.joint, now[servo.joint]))
             return 0
         done = _guide(bus, robot, servos, now)
     print(f"{done} of {len(servos)} joints calibrated")
@@ -58,14 +59,14 @@ def _go_back(bus: Bus, servo: ServoEntry, now: int, before: int) -> None:
     print(f"{servo.joint}: homing offset {now} -> {before}")
 
 
-def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[str, int]) -> int:
+def _guide(bus: RobotBus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[str, int]) -> int:
     """How many joints were calibrated; with the first, the `homings` before it are kept, to go back to."""
     print("Enter: the joint is at its mark; s: leave this joint as it is; q or Ctrl-C: end here", flush=True)
     done, waiting = 0, list(servos)
     with contextlib.suppress(KeyboardInterrupt):
         while waiting:
             servo = waiting[0]
-            match _wait(bus, servo):
+            match _wait(bus.of(servo.id), servo):
                 case "q":
                     break
                 case "s":
@@ -74,7 +75,7 @@ def _guide(bus: Bus, robot: Robot, servos: Sequence[ServoEntry], homings: dict[s
                     if not done:
                         save_homings(robot, homings)
                     try:
-                        before, after = calibrate(bus, robot, servo)
+                        before, after = calibrate(bus.of(servo.id), robot, servo)
                     except RobotError as error:
                         print(error, flush=True)
                         continue

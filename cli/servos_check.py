@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from gesture_bot.base.errors import BusError
 from gesture_bot.cli.servo_bus import open_robot, release
-from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.settings import Inspection, apply, inspect
 
 
@@ -23,11 +23,13 @@ def command(options: argparse.Namespace) -> int:
     """
     console = Console(highlight=False, markup=False, soft_wrap=True)
     with open_robot(options) as (robot, bus):
-        if not bus.is_clear(robot.servos[0].id) and not bus.scan():
-            rate = robot.bus.baudrate
-            raise BusError(f"nobody answers at {rate} bit/s: is the power on? Another --port?", bus.port)
+        firsts = {bus.of(servo.id): servo.id for servo in reversed(robot.servos)}
+        for own, first in firsts.items():
+            if not own.is_clear(first) and not own.scan():
+                rate = robot.bus.baudrate
+                raise BusError(f"nobody answers at {rate} bit/s: is the power on? Another --port?", own.port)
         inspections = [
-            inspect(bus, robot, servo)
+            inspect(bus.of(servo.id), robot, servo)
             for servo in tqdm(robot.servos, "checking", unit="servo", leave=False, disable=None)
         ]
         console.print(_table(inspections))
@@ -49,11 +51,11 @@ def command(options: argparse.Namespace) -> int:
     return int(problems > 0 or (changes > 0 and not options.apply))
 
 
-def _apply(bus: Bus, inspections: list[Inspection]) -> None:
+def _apply(bus: RobotBus, inspections: list[Inspection]) -> None:
     to_change = [one for one in inspections if one.changes]
     release(bus, [one.servo.id for one in to_change])
     for one in tqdm(to_change, "changing", unit="servo", leave=False, disable=None):
-        apply(bus, one.servo, one.changes)
+        apply(bus.of(one.servo.id), one.servo, one.changes)
 
 
 def _table(inspections: list[Inspection]) -> Table:
@@ -63,7 +65,10 @@ def _table(inspections: list[Inspection]) -> Table:
     table.add_column("setting -> as it should be")
     for one in inspections:
         model = f"{one.servo.model} v{one.firmware}" if one.firmware else one.servo.model
-        settings = [f"{change.register} {change.value} -> {change.wanted}" for change in one.changes]
+        settings = [
+            f"{change.register} {change.value}{change.meaning and f' ({change.meaning})'} -> {change.wanted}"
+            for change in one.changes
+        ]
         if settings or not one.problems:
             table.add_row(one.servo.joint, str(one.servo.id), model, "\n".join(settings) or "in order")
     return table

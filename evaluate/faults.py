@@ -65,14 +65,14 @@ class Trial:
         self.servos = [self.line.wire.servos[row.id] for row in robot.servos]
         self.driver = Driver(self.robot, SimulatedPort(self.line), 1.0 / DT)
         self.driver.start()
-        self._began = self._due = self.line.monotonic()
+        self._began = self._due = self.line.clock.monotonic()
         self.plan = _swing(robot)
         self.driver.set_trajectory(self.plan)
 
     @property
     def elapsed(self) -> float:
         """Time since the start [s]."""
-        return self.line.monotonic() - self._began
+        return self.line.clock.monotonic() - self._began
 
     def tick(self) -> None:
         """One cycle, when it is due.
@@ -80,7 +80,7 @@ class Trial:
         Raises:
             BusError: The port has vanished.
         """
-        clock = self.line
+        clock = self.line.clock
         clock.sleep(max(self._due - clock.monotonic(), 0.0))
         self._due = max(self._due + DT, clock.monotonic())
         self.driver.tick(T0 + self.elapsed)

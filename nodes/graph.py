@@ -52,7 +52,11 @@ ARGUMENTS = (
     Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
     Argument("robot", "toa", "Robot: a name in config/robots, or a YAML file"),
-    Argument("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"),
+    Argument(
+        "port",
+        "virtual",
+        "Serial port of the servo bus; of several, 'left=PORT right=PORT'; or 'virtual' (simulated)",
+    ),
     Argument("rviz", "false", "What RViz and Foxglove show, beside the usual topics: true or false"),
     Argument("seed", 0, "Seed of everything that is drawn at random"),
 )

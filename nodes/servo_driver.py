@@ -27,7 +27,7 @@ from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.servo.arbitration import STOP
 from gesture_bot.servo.driver import Driver
 from gesture_bot.servo.status import Feedback
-from gesture_bot.servo.virtual_bus import VirtualBus
+from gesture_bot.servo.virtual_bus import PHYSICS, VirtualBus
 
 LOOKED_AT = 3.0
 """The lag is that of so many last seconds [s]."""
@@ -46,15 +46,23 @@ class ServoDriver(ManagedNode):
         super().__init__(name, **options)
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
         port = self.parameter(
-            "port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"
+            "port",
+            "virtual",
+            "Serial port of the servo bus; of several, 'left=PORT right=PORT'; or 'virtual' (simulated)",
         )
         rate = self.parameter("rate", 100.0, "Bus cycles a second [Hz]", bounds=(50.0, 500.0))
+        physics = self.parameter(
+            "physics",
+            PHYSICS[0],
+            "What moves the joints of the virtual bus: first_order, or mujoco (gravity, inertia, torque)",
+            choices=PHYSICS,
+        )
         self._joints = list(robot.joints)
         self._models = {servo.joint: f"{servo.model}, ID {servo.id}" for servo in robot.servos}
         self._states = self.create_publisher(JointState, "joint_states", PLAN)
         self._resources = ExitStack()
         if port == "virtual":
-            port = self._virtual_bus(robot).port
+            port = self._virtual_bus(robot, physics).port
         self._port = port
         self._driver = Driver(robot, port, rate)
         self._period = 1.0 / rate
@@ -110,9 +118,9 @@ class ServoDriver(ManagedNode):
         super().destroy_node()
         self._resources.close()
 
-    def _virtual_bus(self, robot: Robot) -> VirtualBus:
+    def _virtual_bus(self, robot: Robot, physics: str) -> VirtualBus:
         """A virtual bus, whose faults are a parameter that may be set at any time."""
-        bus = self._resources.enter_context(VirtualBus(robot))
+        bus = self._resources.enter_context(VirtualBus(robot, physics))
         description = "Faults of the virtual bus, such as 'bit_noise=0.01 silent=14,15'; '' is none"
         self.declare_parameter("virtual_fault", "", ParameterDescriptor(description=description))
 

@@ -79,7 +79,8 @@ class Joint(_Section):
     """A joint and its servo: servo angle = direction * joint angle + offset.
 
     Attributes:
-        id: Dynamixel ID on the bus.
+        id: Dynamixel ID, another one for each servo.
+        bus: Name of the bus that the servo is on, where the robot has several serial ports.
         model: Dynamixel model name, such as XM430-W350.
         direction: +1 or -1.
         offset: Servo angle, from the middle of its range, at which the joint is at zero [rad].
@@ -102,6 +103,7 @@ class Joint(_Section):
     upper: FiniteFloat = math.inf
     velocity: PositiveFloat = math.inf
     mark: FiniteFloat | None = None
+    bus: str = Field("", pattern=r"^\w+$")
 
 
 class Bus(_Section):
@@ -150,5 +152,12 @@ class RobotDescription(_Section):
         ids = [joint.id for joint in self.joints.values()]
         doubled = sorted({number for number in ids if ids.count(number) > 1})
         if doubled:
-            raise ValueError(f"two joints have the servo id {doubled[0]}")
+            raise ValueError(f"two joints have the servo id {doubled[0]}: ids differ, also on several buses")
+        return self
+
+    @model_validator(mode="after")
+    def _all_or_no_buses_are_named(self) -> "RobotDescription":
+        without = [name for name, joint in self.joints.items() if not joint.bus]
+        if without and len(without) < len(self.joints):
+            raise ValueError(f"{without[0]} names no bus, as other joints do")
         return self

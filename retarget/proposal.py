@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -102,7 +103,7 @@ def _joints(urdf: str, body: Body) -> dict[str, Joint]:
             endless = elements[name].get("type") == "continuous"
             if lower >= upper or not (endless or np.isfinite([lower, upper]).all()):
                 continue  # which `checks` tells
-            narrowed: dict[str, float] = {}
+            narrowed: dict[str, Any] = {}
             if endless or upper - lower > 2 * TURN:
                 lower, upper = -TURN, TURN
                 narrowed |= {"lower": lower, "upper": upper}

@@ -24,6 +24,7 @@ class ServoEntry:
         direction: +1 or -1.
         offset: [rad].
         mark: Joint angle at which the joint stands when it is calibrated [rad].
+        bus: Name of the bus that the servo is on; empty where there is but one.
     """
 
     joint: str
@@ -32,6 +33,7 @@ class ServoEntry:
     direction: int
     offset: float
     mark: float = 0.0
+    bus: str = ""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class Robot:
     def joints(self) -> tuple[str, ...]:
         """The j joint names, in the servo table's order."""
         return self.limits.joints
+
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """Names of the servo buses; of the only one it may be empty."""
+        return tuple(dict.fromkeys(servo.bus for servo in self.servos))
 
 
 def robot_names() -> list[str]:
@@ -110,6 +117,7 @@ def assemble(name: str, urdf: str, description: RobotDescription) -> Robot:
             row.direction,
             row.offset,
             float(np.clip(0.0, lower, upper)) if row.mark is None else row.mark,
+            row.bus,
         )
         for (joint, row), lower, upper in zip(
             description.joints.items(), limits.lower, limits.upper, strict=True

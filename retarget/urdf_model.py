@@ -45,7 +45,16 @@ def mimics(urdf: str) -> dict[str, Mimic]:
 
 
 def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
-    """MuJoCo's model of a URDF, as XML, without its meshes, whose files need not be there.
+    """MuJoCo's model of a URDF, as `urdf_spec` describes it.
+
+    Raises:
+        RobotError: As there.
+    """
+    return urdf_spec(name, urdf).compile()
+
+
+def urdf_spec(name: str, urdf: str) -> mujoco.MjSpec:
+    """What MuJoCo makes a model of, from a URDF as XML, without its meshes, whose files need not be there.
 
     A link whose only shapes are meshes gets a box with the inertia of the link, if the URDF gives it one.
 
@@ -72,7 +81,8 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
         model = spec.compile()
         for link_name in bare:
             _add_shape(spec.body(link_name), model.body(link_name), onward.get(link_name, np.zeros(3)))
-        return spec.compile() if bare else model
+        spec.compile()
+        return spec
     except ValueError as error:
         raise RobotError(
             f"MuJoCo cannot make a model of the URDF of {name} ({' '.join(str(error).split())})"

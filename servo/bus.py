@@ -1,10 +1,11 @@
 """Access to Dynamixel servos on a serial port, through the DynamixelSDK (protocol 2.0)."""
 
 import errno
+import functools
 import re
 import termios
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, Protocol
 
@@ -131,7 +132,7 @@ class _PacketHandler(Protocol2PacketHandler):
             packet, result = self.rxPacket(port, False)
             if result == COMM_SUCCESS and packet[PKT_ID] in ids and _answered(packet) == length:
                 found[packet[PKT_ID]] = bytes(packet[PKT_ERROR + 1 :][:length])
-            if len(found) == len(ids) or port.isPacketTimeout():
+            if len(found) == len(ids) or (result != COMM_SUCCESS and port.isPacketTimeout()):
                 break
         return found
 
@@ -204,6 +205,10 @@ class Bus:
     def asked_at(self) -> float:
         """When the last packet was sent, on the monotonic clock [s]: a servo that is asked measures then."""
         return self._port.written_at
+
+    def of(self, servo_id: int) -> "Bus":  # noqa: ARG002
+        """The bus that a servo is on: this one. `Buses` has several."""
+        return self
 
     def hurry(self) -> None:
         """From now on, wait for an answer only as long as a cycle allows."""
@@ -306,34 +311,42 @@ class Bus:
             return
         for _ in range(ATTEMPTS):
             self.sync_write(name, dict.fromkeys(ids, value))
-            answers = self.sync_read(ids, item.address, item.size, fast=False)
+            answers = self.sync_read(ids, name, item.size, fast=False)
             if answers == dict.fromkeys(ids, bytes(_bytes(value, item.size))):
                 return
 
-    def sync_read(self, ids: Iterable[int], address: int, size: int, fast: bool) -> dict[int, bytes]:
+    def sync_read(self, ids: Iterable[int], name: str, size: int, fast: bool) -> dict[int, bytes]:
         """The same bytes of the control table from several servos, in one transaction.
 
         Args:
             ids: Who is asked.
-            address: First byte.
+            name: The register where they begin.
             size: How many bytes.
             fast: All answer in one packet (Fast Sync Read), which older firmware does not know.
 
         Returns:
             Bytes by ID of those that have answered; with `fast` it is all or none.
         """
+        return self.ask(ids, name, size, fast)()
+
+    def ask(self, ids: Iterable[int], name: str, size: int, fast: bool) -> Callable[[], dict[int, bytes]]:
+        """Send the question of a `sync_read`, and return what waits for its answers."""
         ids = list(ids)
         if not ids:
-            return {}
-        group = GroupSyncRead(self._port, self._sdk, address, size)
+            return dict
+        group = GroupSyncRead(self._port, self._sdk, self.registers[name].address, size)
         for servo_id in ids:
             group.addParam(servo_id)
+        with self._port_errors():
+            sent = group.fastSyncReadTxPacket() if fast else group.txPacket()
+        return functools.partial(self._answers, group, fast) if sent == COMM_SUCCESS else dict
+
+    def _answers(self, group: GroupSyncRead, fast: bool) -> dict[int, bytes]:
         try:
             with self._port_errors():
                 if not fast:
-                    sent = group.txPacket() == COMM_SUCCESS
-                    return self._sdk.readMany(self._port, ids, size) if sent else {}
-                result = group.fastSyncRead()
+                    return self._sdk.readMany(self._port, list(group.data_dict), group.data_length)
+                result = group.fastSyncReadRxPacket()
         except IndexError:
             return {}  # The SDK trips over a late answer to an earlier question.
         if result != COMM_SUCCESS:

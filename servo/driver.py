@@ -1,23 +1,27 @@
 """The servo driver: from a joint trajectory, through the safety envelope, to the servos and back."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus, Port
+from gesture_bot.servo.bus import Port
+from gesture_bot.servo.buses import RobotBus, open_bus, read_ports
 from gesture_bot.servo.collision_guard import CollisionGuard
 from gesture_bot.servo.envelope import Envelope
 from gesture_bot.servo.following import Following
 from gesture_bot.servo.models import WATCHDOG_UNIT
+from gesture_bot.servo.pacing import Pacing
+from gesture_bot.servo.precautions import Precautions
 from gesture_bot.servo.preparation import check_servos, set_up
 from gesture_bot.servo.present import PresentReader
 from gesture_bot.servo.status import Feedback, Status
 from gesture_bot.servo.table import ServoTable, series_of
 from gesture_bot.servo.trajectories import Overlay, coast, ease, easing_time
-from gesture_bot.servo.upkeep import NO_ANSWER, RELAXED, Upkeep
+from gesture_bot.servo.upkeep import Upkeep
 
 EXIT_TIME = 5.0
 """Longest time spent on the way to the rest pose at the end [s]."""
@@ -28,24 +32,6 @@ HALF_LIFE = 0.05
 EXIT_SHARE = 0.8
 """Share of the velocity and acceleration limits used on the way to the rest pose at the end."""
 
-AT_REST = 1e-3
-"""A hot joint that was sent this close to its rest position is switched off [rad]."""
-
-PATIENCE = 2.0
-"""A joint that the collision guard holds for so long is told; a hot one is switched off there [s]."""
-
-STILL = 1e-3
-"""Joints that are sent no faster than this stand [rad/s] ..."""
-
-SETTLED = 0.3
-"""... and have come to rest when that is so long ago [s], since servos are behind their goals."""
-
-LONGEST_PAUSE = 0.1
-"""Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
-
-CLOCK_DRIFT = 1e-3
-"""How much faster one of them may run."""
-
 REOPEN_PERIOD = 0.5
 """Time from one try to open a port that has vanished to the next [s]."""
 
@@ -55,7 +41,8 @@ class Driver:
 
     Args:
         robot: Whose servo table, limits, rest pose and bus settings to use.
-        port: Path of the serial port, or a port of another kind.
+        port: Path of the serial port, or of each bus as `read_ports` takes it; or ports of another kind, by
+            the names of the buses.
         rate_hz: How often `tick` is called [1/s].
 
     Attributes:
@@ -65,33 +52,32 @@ class Driver:
         clock: Tells the time; on a simulated bus, the simulated time.
 
     Raises:
-        RobotError: The robot's servo table names an unknown model, or models of several series.
+        RobotError: The robot's servo table names an unknown model, or models of several series on one bus.
+        InvalidValueError: The text of ports does not fit the robot's buses; lists their names.
     """
 
-    def __init__(self, robot: Robot, port: str | Port, rate_hz: float = 100.0):
+    def __init__(self, robot: Robot, port: str | Port | Mapping[str, Port], rate_hz: float = 100.0):
         self.active = True
         self.stopped = False
         self.status = Status()
         self._robot = robot
-        self._port = Port(port) if isinstance(port, str) else port
-        self.clock = self._port.clock
+        series_of(robot)
+        if isinstance(port, str):
+            port = {name: Port(path) for name, path in read_ports(port, robot).items()}
+        self._ports = {"": port} if isinstance(port, Port) else dict(port)
+        self.clock = next(iter(self._ports.values())).clock
         self._dt = 1.0 / rate_hz
         self._table = ServoTable(robot)
-        self._series = series_of(robot)
         self._plan = Overlay(robot.joints, HALF_LIFE)
         self._watchdog = robot.bus.watchdog_ms / 1000
         self._lag = robot.bus.lag_ms / 1000
-        self._bus: Bus | None = None
-        self._port_lost = False
+        self._bus: RobotBus | None = None
+        self._lost_port = ""
         self._next_open = -math.inf
-        self._last_tick = -math.inf
-        self._ahead = -math.inf
-        self._sampled = -math.inf
+        self._pacing = Pacing(self._dt)
         self._commanded = -math.inf
         self._fresh = False
         self._last_packet = -math.inf
-        self._stood = 0.0
-        self._kept_off = np.zeros(len(robot.joints))
 
     def start(self) -> None:
         """Open the port, check and set up every servo, and switch torque on where each joint is.
@@ -99,12 +85,12 @@ class Driver:
         Raises:
             BusError: The port cannot be opened; a servo is missing, of another model, or not well.
         """
-        bus = Bus(self._port, self._robot.bus.baudrate, self._series)
+        bus = open_bus(self._robot, self._ports)
         self.status.latency_timer = bus.latency_timer
         try:
             check_servos(bus, self._robot)
             for servo in self._robot.servos:
-                set_up(bus, self._robot, servo)
+                set_up(bus.of(servo.id), self._robot, servo)
             self._reader = PresentReader(bus, self._table.ids)
             self._reader.read_all()
         except BusError:
@@ -116,7 +102,8 @@ class Driver:
         self._envelope.interventions = self.status.interventions
         self._upkeep = Upkeep(bus, self._robot, self._reader)
         self._following = Following(self._robot, self._dt)
-        self._bus, self._port_lost = bus, False
+        self._precautions = Precautions(self._robot, self._dt, self._envelope, self._upkeep, self._following)
+        self._bus, self._lost_port = bus, ""
         self._arm()
         bus.hurry()
 
@@ -126,7 +113,7 @@ class Driver:
         Raises:
             InvalidValueError: It is not a trajectory for these joints. What was planned before goes on.
         """
-        self._plan.add(trajectory, self._sampled + self._lag)
+        self._plan.add(trajectory, self._pacing.sampled + self._lag)
         self._fresh = True
 
     def activate(self) -> None:
@@ -155,15 +142,15 @@ class Driver:
             PortError: The port has vanished.
             BusError: The port is back, but the robot cannot be started.
         """
-        if self._port_lost:
+        if self._lost_port:
             if self.clock.monotonic() < self._next_open:
-                raise PortError("the serial port has vanished", self._port.port_name)
+                raise PortError("the serial port has vanished", self._lost_port)
             self._next_open = self.clock.monotonic() + REOPEN_PERIOD
             self.start()
         try:
             return self._cycle(now)
-        except PortError:
-            self._lose_port()
+        except PortError as error:
+            self._lose_port(str(error.value))
             raise
 
     def close(self) -> None:
@@ -174,8 +161,8 @@ class Driver:
         Raises:
             BusError: The port has vanished.
         """
-        if self._port_lost:
-            raise PortError("the serial port has vanished", self._port.port_name)
+        if self._lost_port:
+            raise PortError("the serial port has vanished", self._lost_port)
         bus, on_exit = self._bus, self._robot.bus.on_exit
         if bus is None:
             return
@@ -191,52 +178,26 @@ class Driver:
 
     def _cycle(self, now: float) -> Feedback:
         self._open_bus()
-        self._compare_clocks(now)
-        self._account(now)
-        self._upkeep.step(self.clock.monotonic())
-        # Servos are behind their goals: these are sent so much earlier.
-        positions, velocities = self._plan.at(self._sampled + np.array([self._lag, 0.0]))
-        asked, planned = self._asked(positions[0], velocities[0]), positions[1]
-        self._exchange(*asked)
-        measured, speeds, efforts = self._table.joint_state(self._reader.present)
-        self._compare(measured, efforts)
-        self._relax_or_tighten()
-        self._tell()
-        stopped = self._upkeep.out | self._upkeep.heat.hot | self._following.yielding | self.status.holding
-        planned = np.where(stopped, np.nan, planned)
-        stamp = self._reader.read_at + self._ahead
-        prompt = self._reader.prompt and bool((self._reader.fresh | self._upkeep.out).all())
-        return Feedback(measured, speeds, efforts, planned, stamp, prompt)
-
-    def _compare_clocks(self, now: float) -> None:
-        """Note how far `now` is ahead of the monotonic clock. The thread may have paused in between."""
-        ahead = now - self.clock.monotonic()
-        paused = 0.0 < self._ahead - ahead < LONGEST_PAUSE
-        self._ahead = max(ahead, self._ahead - CLOCK_DRIFT * self._dt) if paused else ahead
-
-    def _account(self, now: float) -> None:
-        status = self.status
+        clock, status, reader = self.clock, self.status, self._reader
         status.cycles += 1
-        status.late_cycles += math.inf > now - self._last_tick > 1.5 * self._dt
-        self._last_tick = now
-        # The plan is sampled at even steps that follow the clock slowly: ticks jitter, motion must not.
-        due = self._sampled + self._dt
-        self._sampled = due + 0.02 * (now - due) if abs(now - due) < self._dt else now
+        self._pacing.tick(now, clock.monotonic())
         if self._fresh:
             self._commanded, self._fresh = now, False
+        self._upkeep.step(clock.monotonic())
+        # Servos are behind their goals: these are sent so much earlier.
+        positions, velocities = self._plan.at(self._pacing.sampled + np.array([self._lag, 0.0]))
+        precautions, stopped = self._precautions, self.stopped
+        asked = precautions.asked(positions[0], velocities[0], self.active, stopped, clock.monotonic())
+        self._exchange(*asked)
+        measured, speeds, efforts = self._table.joint_state(reader.present)
+        precautions.observe(measured, efforts, reader.fresh, stopped, clock.monotonic())
+        precautions.tell(status)
         status.command_age = now - self._commanded
-
-    def _asked(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the joints are asked for: what is planned, unless they are to hold, to rest or to yield."""
-        upkeep, hot = self._upkeep, self._upkeep.heat.hot
-        faulty = self._robot.bus.on_fault == "stop" and bool((upkeep.out | hot).any())
-        holding = self.stopped or not self.active or upkeep.relaxed or faulty
-        everyone = np.full(len(hot), self.status.holding and not holding)
-        self._envelope.ease(everyone | hot | self._following.release(self.clock.monotonic()))
-        self.status.holding = holding
-        positions = np.where(holding | upkeep.out, np.nan, positions)
-        positions = np.where(hot & ~upkeep.out & (not self.stopped), self._robot.rest, positions)
-        return self._following.soften(positions, np.where(hot, 0.0, velocities))
+        status.late_cycles = self._pacing.late
+        status.late_answers, status.read_failures = reader.late, reader.failures
+        planned = np.where(precautions.unplanned(), np.nan, positions[1])
+        prompt = reader.prompt and bool((reader.fresh | self._upkeep.out).all())
+        return Feedback(measured, speeds, efforts, planned, self._pacing.stamp(reader.read_at), prompt)
 
     def _exchange(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """One cycle on the bus: goals out, through the envelope, and the present state in."""
@@ -251,52 +212,6 @@ class Driver:
         self._last_packet = self.clock.monotonic()
         self._reader.read()
 
-    def _compare(self, measured: np.ndarray, efforts: np.ndarray) -> None:
-        """See which joints are out of service, limp, blocked, or to be switched off."""
-        upkeep, following = self._upkeep, self._following
-        back = upkeep.heed()
-        # What is out of service starts again from where it is.
-        if (moved := upkeep.out | back).any():
-            self._envelope.reset(measured, moved)
-        watched = ~upkeep.out & self._reader.fresh
-        following.compare(self._envelope.positions.copy(), measured, efforts, watched, self.clock.monotonic())
-        upkeep.odd = following.limp
-        # On a stop, a hot joint may go nowhere: it is switched off where it stands.
-        goal = self._envelope.positions if self.stopped else self._robot.rest
-        rested = np.abs(self._envelope.positions - goal) < AT_REST
-        rested &= np.abs(self._envelope.velocities) < STILL
-        self._kept_off = np.where(self._envelope.kept_off, self._kept_off + self._dt, 0.0)
-        rested |= self._kept_off > PATIENCE
-        for joint in np.flatnonzero(upkeep.heat.hot & ~upkeep.out & (rested | following.yielding)):
-            upkeep.switch_off(int(joint))
-
-    def _relax_or_tighten(self) -> None:
-        """On a stop, switch torque off once the joints stand, if so configured; afterwards, on again."""
-        upkeep = self._upkeep
-        moves = bool((np.abs(self._envelope.velocities) > STILL).any())
-        self._stood = 0.0 if moves else self._stood + self._dt
-        relax = self.stopped and self._robot.bus.on_stop == "relax"
-        if relax and not upkeep.slack and self._stood >= SETTLED:
-            upkeep.relax()
-        elif upkeep.slack and not relax:
-            upkeep.tighten()
-
-    def _tell(self) -> None:
-        def names(joints: np.ndarray) -> tuple[str, ...]:
-            return tuple(self._robot.joints[joint] for joint in np.flatnonzero(joints))
-
-        status, upkeep = self.status, self._upkeep
-        status.late_answers = self._reader.late
-        status.read_failures = self._reader.failures
-        status.health = upkeep.health
-        status.out = {joint: reason for joint, reason in upkeep.reasons.items() if reason != RELAXED}
-        status.relaxed = upkeep.relaxed
-        status.silent = tuple(joint for joint, reason in upkeep.reasons.items() if reason == NO_ANSWER)
-        status.warm = names(upkeep.heat.speed < 1.0)
-        status.yielding = names(self._following.yielding)
-        status.blocks = self._following.blocks
-        status.kept_off = names(self._kept_off > PATIENCE)
-
     def _arm(self) -> None:
         """Clear and arm the servos' watchdogs, and start again from where the joints are."""
         bus = self._open_bus()
@@ -308,10 +223,11 @@ class Driver:
         bus.set_all(used, "Bus Watchdog", round(self._watchdog / WATCHDOG_UNIT))
         self._last_packet = self.clock.monotonic()
 
-    def _lose_port(self) -> None:
+    def _lose_port(self, port: str) -> None:
+        """Close all ports: what a bus does without the other would be no motion that was planned."""
         self.status.ports_lost += 1
         self._open_bus().close()
-        self._bus, self._port_lost = None, True
+        self._bus, self._lost_port = None, port
         self._next_open = self.clock.monotonic() + REOPEN_PERIOD
 
     def _go_to_rest(self) -> None:
@@ -332,7 +248,7 @@ class Driver:
             if elapsed > duration and np.allclose(self._envelope.positions, rest[0], atol=1e-3):
                 return
 
-    def _open_bus(self) -> Bus:
+    def _open_bus(self) -> RobotBus:
         if self._bus is None:
             raise BusError("the servo driver is not started")
         return self._bus

@@ -1,6 +1,6 @@
 """Faults of a running virtual bus, in words: `bit_noise=0.01 silent=14,15`."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from gesture_bot.base.errors import InvalidValueError
@@ -53,17 +53,20 @@ def read_faults(text: str, ids: Collection[int]) -> Faults:
     return faults
 
 
-def set_faults(wire: VirtualWire, text: str) -> None:
-    """Let exactly these faults be in force.
+def set_faults(wires: Iterable[VirtualWire], text: str) -> None:
+    """Let exactly these faults be in force on some wires.
 
     Raises:
         InvalidValueError: As `read_faults`.
     """
-    faults = read_faults(text, wire.servos)
-    wire.faults.bit_noise = faults.shares["bit_noise"]
-    wire.faults.lost_replies = faults.shares["lost_replies"]
-    wire.faults.silent = faults.servos["silent"]
-    for servo_id, servo in wire.servos.items():
+    wires = list(wires)
+    servos = {servo_id: servo for wire in wires for servo_id, servo in wire.servos.items()}
+    faults = read_faults(text, servos)
+    for wire in wires:
+        wire.faults.bit_noise = faults.shares["bit_noise"]
+        wire.faults.lost_replies = faults.shares["lost_replies"]
+        wire.faults.silent = faults.servos["silent"]
+    for servo_id, servo in servos.items():
         servo.stuck = servo_id in faults.servos["stuck"]
         if servo_id in faults.servos["unplugged"]:
             servo.power = False

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.models import X, find_model
 from gesture_bot.servo.preparation import hardware_errors
 from gesture_bot.servo.table import joint_angle
@@ -48,17 +48,18 @@ class ServoState:
     errors: tuple[str, ...]
 
 
-def read_states(bus: Bus, robot: Robot) -> list[ServoState | None]:
+def read_states(bus: RobotBus, robot: Robot) -> list[ServoState | None]:
     """The states of a robot's servos, in the order of its joints; None for one that does not answer.
 
     Raises:
         BusError: The port has vanished.
     """
     ids = [servo.id for servo in robot.servos]
-    address = bus.registers["Torque Enable"].address
-    answers = bus.sync_read(ids, address, RECORD.itemsize, fast=False)
-    missing = [servo_id for servo_id in ids if servo_id not in answers]
-    answers |= {servo_id: bus.try_read(servo_id, address, RECORD.itemsize) for servo_id in missing}
+    answers = bus.sync_read(ids, "Torque Enable", RECORD.itemsize, fast=False)
+    for servo_id in set(ids) - set(answers):
+        own = bus.of(servo_id)
+        first = own.registers["Torque Enable"].address
+        answers[servo_id] = own.try_read(servo_id, first, RECORD.itemsize)
     return [_state(robot, joint, answers[servo_id]) for joint, servo_id in enumerate(ids)]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.models import (
     HARDWARE_ERRORS,
     POSITION_MODE,
@@ -21,13 +22,14 @@ SETTINGS = {"Operating Mode": POSITION_MODE, "Drive Mode": 0, "Return Delay Time
 """EEPROM registers: position control, forward, profiles in velocities, answers at once."""
 
 
-def check_servos(bus: Bus, robot: Robot) -> None:
+def check_servos(buses: RobotBus, robot: Robot) -> None:
     """See that each servo of the table answers, is of the right model, and is well.
 
     Raises:
         BusError: One does not or is not; names its joint and ID.
     """
     for servo in robot.servos:
+        bus = buses.of(servo.id)
         number = bus.ping(servo.id)
         if number is None:
             found = bus.scan()

@@ -5,7 +5,8 @@ from collections import deque
 import numpy as np
 
 from gesture_bot.base.errors import BusError
-from gesture_bot.servo.bus import ATTEMPTS, Bus
+from gesture_bot.servo.bus import ATTEMPTS
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.table import PRESENT
 
 SILENT_AFTER = 8
@@ -36,7 +37,7 @@ class PresentReader:
     All are asked in one transaction. Who does not answer is asked alone, once, while there is time.
 
     Args:
-        bus: The bus.
+        bus: The bus, or all of them.
         ids: The servos, in joint order.
 
     Attributes:
@@ -49,7 +50,7 @@ class PresentReader:
         failures: Answers that did not come in time, or were damaged, so far.
     """
 
-    def __init__(self, bus: Bus, ids: list[int]):
+    def __init__(self, bus: RobotBus, ids: list[int]):
         self.present = np.zeros(len(ids), PRESENT)
         self.fresh = np.zeros(len(ids), bool)
         self.read_at = 0.0
@@ -58,13 +59,12 @@ class PresentReader:
         self.failures = 0
         self._bus = bus
         self._ids = ids
-        self._address = bus.registers["Present Load"].address
         self._missed = dict.fromkeys(ids, 0)
         self._took: deque[float] = deque(maxlen=_LATELY)
         self._plain = 0
         self._turn = 0
         # Firmware without Fast Sync Read leaves the question without an answer.
-        self._fast = any(bus.sync_read(ids, self._address, PRESENT.itemsize, fast=True) for _ in range(2))
+        self._fast = any(len(self._ask(ids, fast=True)) == len(ids) for _ in range(2))
 
     @property
     def silent(self) -> list[int]:
@@ -77,7 +77,7 @@ class PresentReader:
         together = [servo_id for servo_id in asked if self._missed[servo_id] < ALONE_AFTER]
         fast = self._fast and not self._plain
         self._plain = max(self._plain - 1, 0)
-        answers = self._bus.sync_read(together, self._address, PRESENT.itemsize, fast)
+        answers = self._ask(together, fast)
         self.read_at = self._bus.asked_at
         missing = self._in_turn(set(asked) - set(answers))
         if missing:
@@ -87,8 +87,7 @@ class PresentReader:
             for servo_id in missing:
                 if self._bus.clock.monotonic() > until:
                     break
-                if data := self._bus.try_read(servo_id, self._address, PRESENT.itemsize):
-                    answers[servo_id] = data
+                answers |= self._ask([servo_id], fast=False)
         self.fresh[:] = [servo_id in answers for servo_id in self._ids]
         for servo_id in asked:
             if servo_id in answers:
@@ -111,6 +110,9 @@ class PresentReader:
             if not missing:
                 return
         raise BusError(f"servos on {self._bus.port} stopped answering, IDs", sorted(missing))
+
+    def _ask(self, ids: list[int], fast: bool) -> dict[int, bytes]:
+        return self._bus.sync_read(ids, "Present Load", PRESENT.itemsize, fast)
 
     def _in_turn(self, missing: set[int]) -> list[int]:
         """The one first that has been missed longest. Of equals another each time: one may be gone."""

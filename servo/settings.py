@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from gesture_bot.base.errors import BusError
 from gesture_bot.retarget.robot import Robot, ServoEntry
 from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.models import find_model, model_name, signed
 from gesture_bot.servo.preparation import SETTINGS, hardware_errors
 from gesture_bot.servo.scan import SHARED
@@ -19,6 +20,9 @@ SHUTDOWN = 1 << 2 | 1 << 4 | 1 << 5
 
 NO_SECOND_ID = 253
 """Secondary(Shadow) ID (12): from here on, there is none."""
+
+DRIVE_MODES = {0: "reverse", 1: "follower", 2: "time-based", 3: "torque by goal"}
+"""Bits of Drive Mode (10). With time-based profiles, Profile Velocity, a joint's last limit, is a time."""
 
 MARGIN = math.radians(5.0)
 """Position limits lie so far outside the joint's range [rad]: a joint that hangs against its stop may stand a
@@ -38,6 +42,12 @@ class Change:
     register: str
     value: int
     wanted: int
+
+    @property
+    def meaning(self) -> str:
+        """What the bits of Drive Mode (10) that are set stand for; empty for any other register."""
+        bits = self.value if self.register == "Drive Mode" else 0
+        return ", ".join(name for bit, name in DRIVE_MODES.items() if bits & 1 << bit)
 
 
 @dataclass(frozen=True)
@@ -102,13 +112,18 @@ def apply(bus: Bus, servo: ServoEntry, changes: Iterable[Change]) -> None:
             raise BusError(f"servo {servo.id} of {servo.joint} keeps {change.register} at", value)
 
 
-def with_torque(bus: Bus, ids: Iterable[int]) -> list[int]:
+def with_torque(bus: RobotBus, ids: Iterable[int]) -> list[int]:
     """Those of some servos that have torque on; one that does not answer has not.
 
     While torque is on, the EEPROM registers (below 64) cannot be written.
     """
-    torque = bus.registers["Torque Enable"]
-    return [servo_id for servo_id in ids if any(bus.try_read(servo_id, torque.address, torque.size))]
+
+    def powered(servo_id: int) -> bool:
+        own = bus.of(servo_id)
+        torque = own.registers["Torque Enable"]
+        return any(own.try_read(servo_id, torque.address, torque.size))
+
+    return [servo_id for servo_id in ids if powered(servo_id)]
 
 
 def read_homing(bus: Bus, servo_id: int) -> int:

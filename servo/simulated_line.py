@@ -13,24 +13,16 @@ LONGEST_STEP = 0.005
 """Motion is computed in steps of at most this [s]."""
 
 
-class SimulatedLine:
-    """Takes the place of `serial.Serial`, and of `time` for who uses it: time passes only in its own calls.
-
-    Args:
-        wire: The servos.
-        baudrate: Symbols a second [bit/s]: each byte takes its time.
+class SimulatedClock:
+    """Takes the place of `time` for who uses the lines: time passes only in its own calls and in theirs.
 
     Attributes:
-        wire: The servos.
-        connected: False: the port has vanished.
+        wires: Whose servos move meanwhile.
     """
 
-    def __init__(self, wire: VirtualWire, baudrate: int):
-        self.wire = wire
-        self.connected = True
-        self._byte = BITS / baudrate
+    def __init__(self) -> None:
+        self.wires: list[VirtualWire] = []
         self._now = 0.0
-        self._answer = b""
 
     def monotonic(self) -> float:
         """The simulated time [s]."""
@@ -40,15 +32,39 @@ class SimulatedLine:
         """Let time pass."""
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
         for _ in range(steps):
-            self.wire.advance(float(seconds) / steps)
+            for wire in self.wires:
+                wire.advance(float(seconds) / steps)
         self._now += float(seconds)
+
+
+class SimulatedLine:
+    """Takes the place of `serial.Serial`.
+
+    Args:
+        wire: The servos.
+        baudrate: Symbols a second [bit/s]: each byte takes its time.
+        clock: The time, if that of another line is to be this one's, too.
+
+    Attributes:
+        wire: The servos.
+        clock: The time.
+        connected: False: the port has vanished.
+    """
+
+    def __init__(self, wire: VirtualWire, baudrate: int, clock: SimulatedClock | None = None):
+        self.wire = wire
+        self.clock = clock or SimulatedClock()
+        self.clock.wires.append(wire)
+        self.connected = True
+        self._byte = BITS / baudrate
+        self._answer = b""
 
     def write(self, packet: list[int]) -> int:
         """Send a packet, and let the servos answer."""
         self._check()
-        self.sleep(self._byte * len(packet))
+        self.clock.sleep(self._byte * len(packet))
         answer = self.wire.receive(bytes(packet))
-        self.sleep(self._byte * len(answer))
+        self.clock.sleep(self._byte * len(answer))
         self._answer += answer
         return len(packet)
 
@@ -56,7 +72,7 @@ class SimulatedLine:
         """Bytes that have come; waits a little where there are not enough."""
         self._check()
         if len(self._answer) < size:
-            self.sleep(READ_WAIT)
+            self.clock.sleep(READ_WAIT)
         data, self._answer = self._answer[:size], self._answer[size:]
         return data
 
@@ -78,7 +94,7 @@ class SimulatedPort(Port):
 
     def __init__(self, line: SimulatedLine):
         super().__init__("simulated")
-        self.clock = self._line = line
+        self.clock, self._line = line.clock, line
 
     def setupPort(self, cflag_baud: int) -> bool:  # noqa: D102, N802
         if not self._line.connected:

@@ -12,16 +12,19 @@ PRESENT = np.dtype([("effort", "<i2"), ("velocity", "<i4"), ("position", "<i4")]
 """Present Current or Load (126), Present Velocity (128) and Present Position (132) lie side by side."""
 
 
-def series_of(robot: Robot) -> Series:
-    """The series of a robot's servos: those on one bus share their packets, and so their addresses.
+def series_of(robot: Robot) -> dict[str, Series]:
+    """The series of each bus of a robot: servos on one bus share their packets, and so their addresses.
 
     Raises:
-        RobotError: The table names an unknown model, or models of several series.
+        RobotError: The table names an unknown model, or models of several series on one bus.
     """
-    series = {find_model(servo.model).series for servo in robot.servos}
-    if len(series) > 1:
-        raise RobotError("servos of one bus must be of one series", sorted(one.name for one in series))
-    return series.pop()
+    found = {}
+    for bus in robot.buses:
+        series = {find_model(servo.model).series for servo in robot.servos if servo.bus == bus}
+        if len(series) > 1:
+            raise RobotError("servos of one bus must be of one series", sorted(one.name for one in series))
+        found[bus] = series.pop()
+    return found
 
 
 class ServoTable:

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
+from gesture_bot.base.errors import RobotError
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.models import BAUD_RATES, MODELS, RPM
-from gesture_bot.servo.table import ServoTable
+from gesture_bot.servo.table import ServoTable, series_of
 
 
 def table_problems(robot: Robot) -> Iterator[str]:
@@ -16,8 +17,10 @@ def table_problems(robot: Robot) -> Iterator[str]:
     if unknown:
         yield f"unknown models: {', '.join(unknown)}"
         return
-    if len({MODELS[servo.model].series for servo in robot.servos}) > 1:
-        yield "models of several series: the servos of one bus must be of one"
+    try:
+        series_of(robot)
+    except RobotError as error:
+        yield str(error)
     table = ServoTable(robot)
     ends = zip(table.ticks(robot.limits.lower), table.ticks(robot.limits.upper), strict=True)
     for servo, speed, pair in zip(robot.servos, robot.limits.velocity, ends, strict=True):

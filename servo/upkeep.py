@@ -8,7 +8,8 @@ import numpy as np
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.retarget.robot import Robot
-from gesture_bot.servo.bus import Bus
+from gesture_bot.servo.buses import RobotBus
+from gesture_bot.servo.condition import HOT, NO_ANSWER, RELAXED, Condition
 from gesture_bot.servo.health import Health, Heat, read_health
 from gesture_bot.servo.models import WATCHDOG_UNIT, find_model
 from gesture_bot.servo.preparation import setting_up
@@ -16,10 +17,6 @@ from gesture_bot.servo.present import PresentReader
 
 HEALTH_PERIOD = 0.1
 """Time from looking after one servo to looking after the next [s]."""
-
-NO_ANSWER = "does not answer"
-HOT = "is hot"
-RELAXED = "is relaxed"
 
 
 class Upkeep:
@@ -29,24 +26,20 @@ class Upkeep:
     is relaxed. Once nothing speaks against it, it is set up again, and its joint starts from where it is.
 
     Args:
-        bus: The bus.
+        bus: The bus, or all of them.
         robot: Whose servos they are; all are set up.
         reader: Knows who answers.
 
     Attributes:
         health: Health by joint, each as it was last told.
         heat: What the temperatures let the joints do.
-        out: (j,) which joints are out of service.
-        reasons: Why, by joint.
         odd: (j,) joints that do not go where they are sent; set by the owner, they are asked soon.
         slack: Whether torque is to be off; `relax` and `tighten` set it.
     """
 
-    def __init__(self, bus: Bus, robot: Robot, reader: PresentReader):
+    def __init__(self, bus: RobotBus, robot: Robot, reader: PresentReader):
         self.health: dict[str, Health] = {}
         self.heat = Heat(robot.bus, len(robot.servos))
-        self.out = np.zeros(len(robot.servos), bool)
-        self.reasons: dict[str, str] = {}
         self.odd = np.zeros(len(robot.servos), bool)
         self.slack = False
         self._bus = bus
@@ -56,7 +49,7 @@ class Upkeep:
         self._turns = self._take_turns()
         self._next = 0.0
         self._steps: Iterator[None] = iter(())
-        self._ready: set[int] = set()
+        self._conditions = [Condition() for _ in robot.servos]
 
     def step(self, now: float) -> None:
         """Do the next bit of work [s].
@@ -78,81 +71,84 @@ class Upkeep:
     def heed(self) -> np.ndarray:
         """After a cycle, see who has fallen silent; returns (j,) who is back in service from now on."""
         silent = self._reader.silent
-        for joint, servo in enumerate(self._robot.servos):
+        for servo, condition in zip(self._robot.servos, self._conditions, strict=True):
             if servo.id in silent:
-                self._ready.discard(joint)
-                self._put_out(joint, NO_ANSWER)
-        back = np.zeros(len(self.out), bool)
-        for joint in [joint for joint in self._ready if self._reader.fresh[joint]]:
-            self._ready.discard(joint)
-            self.out[joint], back[joint] = False, True
-            del self.reasons[self._robot.joints[joint]]
-        return back
+                condition.put_out(NO_ANSWER)
+        heard = zip(self._conditions, self._reader.fresh, strict=True)
+        return np.array([bool(fresh) and condition.heard() for condition, fresh in heard])
+
+    @property
+    def out(self) -> np.ndarray:
+        """(j,) which joints are out of service."""
+        return np.array([condition.out for condition in self._conditions])
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """Why those are, by joint."""
+        joints = zip(self._robot.joints, self._conditions, strict=True)
+        return {joint: condition.reason for joint, condition in joints if condition.out}
 
     @property
     def relaxed(self) -> bool:
         """Whether a joint is limp since `relax`."""
-        return RELAXED in self.reasons.values()
+        return any(condition.reason == RELAXED for condition in self._conditions)
 
     def switch_off(self, joint: int, reason: str = HOT) -> None:
         """Let a servo be without torque, such as a hot one."""
         with suppress(BusError):  # one that does not answer is noticed by the reader
-            self._bus.write(self._robot.servos[joint].id, "Torque Enable", 0)
-            self._put_out(joint, reason)
+            servo_id = self._robot.servos[joint].id
+            self._bus.of(servo_id).write(servo_id, "Torque Enable", 0)
+            self._conditions[joint].put_out(reason)
 
     def relax(self) -> None:
         """Let all joints be without torque, at once, until `tighten`."""
         self.slack = True
         self._steps = iter(())  # whoever was being set up is not
-        self._ready.clear()
         self._bus.set_all([servo.id for servo in self._robot.servos], "Torque Enable", 0)
-        for joint in np.flatnonzero(~self.out):
-            self._put_out(int(joint), RELAXED)
+        for condition in self._conditions:
+            condition.put_out(condition.reason or RELAXED)
 
     def tighten(self) -> None:
         """Set the joints up again, one after the other, where they then are."""
         self.slack = False
 
-    def _put_out(self, joint: int, reason: str) -> None:
-        self.out[joint] = True
-        self.reasons[self._robot.joints[joint]] = reason
-
     def _take_turns(self) -> Iterator[int]:
         """Each in turn; between two turns one that is out, since it may be back, or whose joint is odd."""
         for turn in itertools.count():
-            yield turn % len(self.out)
+            yield turn % len(self._conditions)
             special = np.flatnonzero(self.out | self.odd)
             if len(special):
                 yield int(special[turn % len(special)])
 
     def _ask(self, joint: int) -> None:
-        servo = self._robot.servos[joint]
-        health = read_health(self._bus, servo.id, self._models[joint])
+        servo, condition = self._robot.servos[joint], self._conditions[joint]
+        health = read_health(self._bus.of(servo.id), servo.id, self._models[joint])
         if health is None:
             return
         self.health[servo.joint] = health
         self.heat.feel(joint, health.temperature)
-        if joint in self._ready:
+        if condition.ready:
             return
-        if self.out[joint] and self.heat.hot[joint] and health.torque:
-            self.switch_off(joint)
         hot = bool(self.heat.hot[joint])
+        if condition.out and hot and health.torque:
+            self.switch_off(joint)
         if self.slack and not health.errors:
             # It may have missed the packet, or have been out of service for another reason.
             reason = HOT if hot else RELAXED
-            if health.torque or self.reasons.get(servo.joint) != reason:
+            if health.torque or condition.reason != reason:
                 self.switch_off(joint, reason)
             return
-        rightly_off = self.out[joint] and (hot or self.reasons[servo.joint] == RELAXED)
+        rightly_off = condition.out and (hot or condition.reason == RELAXED)
         if health.errors or (health.trouble and not rightly_off):
-            self._put_out(joint, health.trouble)
-        if self.out[joint] and not health.errors and not hot:
+            condition.put_out(health.trouble)
+        if condition.out and not health.errors and not hot:
             self._steps = self._bring_back(joint)
 
     def _bring_back(self, joint: int) -> Iterator[None]:
         servo = self._robot.servos[joint]
-        yield from setting_up(self._bus, self._robot, servo)
+        bus = self._bus.of(servo.id)
+        yield from setting_up(bus, self._robot, servo)
         yield
-        self._bus.write(servo.id, "Bus Watchdog", round(self._robot.bus.watchdog_ms / 1000 / WATCHDOG_UNIT))
+        bus.write(servo.id, "Bus Watchdog", round(self._robot.bus.watchdog_ms / 1000 / WATCHDOG_UNIT))
         self._reader.heard(servo.id)
-        self._ready.add(joint)
+        self._conditions[joint].set_up()

@@ -1,6 +1,6 @@
 """The motion profile of a virtual servo: how it goes from one Goal Position (116) to the next.
 
-Source: e-Manual of the X series, "What is the Profile", velocity-based.
+Source: e-Manual of the X series, "What is the Profile".
 """
 
 import math
@@ -49,6 +49,18 @@ class Profile:
             self._pieces = [(abs(distance) / speed, 0.0)]
         else:
             self._ramp(distance, speed, acceleration)
+
+    def begin_timed(self, goal: float, duration: float, ramp: float) -> None:
+        """As `begin`, for a time-based profile. Where the joint moves already, the time is not kept exactly.
+
+        Args:
+            goal: [ticks].
+            duration: From the start to the goal [s]; 0 is a step.
+            ramp: Time to accelerate, and to brake, at most half of it [s].
+        """
+        ramp = min(ramp, duration / 2)
+        speed = abs(goal - self.position) / (duration - ramp) if duration else 0.0
+        self.begin(goal, speed, speed / ramp if ramp else 0.0)
 
     def _ramp(self, distance: float, speed: float, acceleration: float) -> None:
         # Forward is where the goal lies when seen from where the joint could stop.

@@ -1,4 +1,4 @@
-"""One virtual servo: its control table, and the joint that it turns."""
+"""One virtual servo: its control table, its controller, and the joint that it turns."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,26 @@ from gesture_bot.servo.models import (
     RPM,
     WATCHDOG_ERROR,
     WATCHDOG_UNIT,
+    X,
     find_model,
 )
+from gesture_bot.servo.virtual_joint import Drive, FirstOrderJoint, Joint
 from gesture_bot.servo.virtual_profile import Profile
 from gesture_bot.servo.virtual_table import INITIAL, VirtualTable
 
 BANDWIDTH = 60.0
-"""Natural frequency of the critically damped joint [rad/s]; it follows a moving goal 2 / 60 s behind."""
+"""Natural frequency of a joint without a body [rad/s]; it follows a moving goal 2 / 60 s behind."""
 
 STIFFNESS = 640 / 128 / 885 * 4096 / (2 * math.pi)
 """Share of the full voltage for an error of 1 rad, at the initial Position P Gain (84). So it is in an
 XL430-W250. The e-Manual does not tell the scale of the gain of the P series."""
+
+DERIVATIVE = 1 / 16 / 885 * 0.001
+"""Share of the full voltage for 1 tick/s, at a Position D Gain (80) of 1. The e-Manual gives the scale, 1/16,
+but not for which time the difference is; a millisecond is assumed. Only the MuJoCo physics heed the gain."""
+
+TIME_BASED = 1 << 2
+"""Bit of Drive Mode (10): Profile Velocity and Profile Acceleration are times [ms]."""
 
 IN_POSITION, ONGOING, KIND = 1 << 0, 1 << 1, 1 << 4
 """Bits of Moving Status (123), and the place of the profile's type."""
@@ -37,19 +46,36 @@ OVERHEATING = 1 << 2
 
 @dataclass(frozen=True)
 class ServoSpec:
-    """A servo to simulate: ID, name of the model, where its joint stands [ticks], baud rate [bit/s]."""
+    """A servo to simulate.
+
+    Attributes:
+        id: Its ID.
+        model: Name of the model.
+        ticks: Where its joint stands [ticks].
+        baudrate: [bit/s].
+        joint: Name of the joint; servo angle = direction * joint angle + offset [rad].
+        direction: +1 or -1.
+        offset: [rad].
+    """
 
     id: int
     model: str
     ticks: int = 2048
     baudrate: int = BAUD_RATES[INITIAL["Baud Rate"]]
+    joint: str = ""
+    direction: int = 1
+    offset: float = 0.0
 
 
 class VirtualServo(VirtualTable):
-    """A servo whose joint follows its profile as a critically damped second-order system.
+    """A servo, and the joint that it turns while torque is on, in position mode.
 
-    It moves while torque is on, in position mode, no faster than the no-load speed. The profile leads to Goal
-    Position, by Profile Velocity and Profile Acceleration; it is always velocity-based.
+    The profile leads to Goal Position, by Profile Velocity and Profile Acceleration; these are velocity and
+    acceleration or, as Drive Mode says, times.
+
+    Args:
+        spec: Which servo.
+        joint: The joint; if not given, one without a body, in closed form.
 
     Attributes:
         position: Where the joint is [ticks], not counting Homing Offset.
@@ -59,8 +85,9 @@ class VirtualServo(VirtualTable):
         stuck: The joint does not turn, whatever the motor does; it stays at `position`.
     """
 
-    def __init__(self, spec: ServoSpec):
+    def __init__(self, spec: ServoSpec, joint: Joint | None = None):
         super().__init__(find_model(spec.model))
+        self._joint = joint or FirstOrderJoint(self.model, BANDWIDTH)
         self.position = float(spec.ticks)
         self.velocity = 0.0
         self.temperature = ROOM
@@ -96,7 +123,7 @@ class VirtualServo(VirtualTable):
     def advance(self, seconds: float) -> None:
         """Let time pass: the joint moves, the motor warms or cools, Bus Watchdog counts."""
         if not self.power:
-            self.velocity = 0.0
+            self._move(None, seconds)
             return
         self._uptime += seconds
         self._silence += seconds
@@ -108,42 +135,43 @@ class VirtualServo(VirtualTable):
             self.set("Goal Position", round(self.position) + self.homing)
             self._profile.begin(round(self.position), 0.0, 0.0)
             self._new_goal = False
-        load = 0.0
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._follow(seconds)
+            load = self._move(self._control(seconds), seconds)
         else:
-            self.velocity = 0.0
+            load = self._move(None, seconds)
             self._profile, self._new_goal = Profile(self.position), True
         settled = ROOM + FULL_LOAD_HEATING * load * load
         self.temperature += (settled - self.temperature) * min(seconds / HEATING_TIME, 1.0)
         self._show(load)
 
-    def _follow(self, seconds: float) -> float:
-        """Move along the profile, in closed form; returns the load as a share of the stall torque."""
+    def _move(self, drive: Drive | None, seconds: float) -> float:
+        """Let the motor do what it is told, if anything; returns the load as a share of the stall torque."""
+        self.position, self.velocity, load = self._joint.move(
+            self.position, self.velocity, drive, self.stuck, seconds
+        )
+        return load
+
+    def _control(self, seconds: float) -> Drive:
+        """Go along the profile: where the motor is to be, and how hard it tries."""
         profile, series, scale = self._profile, self.model.series, self.model.ticks_per_radian
         if self._new_goal:
-            speed = self.get("Profile Velocity") * series.velocity_unit * scale
-            acceleration = self.get("Profile Acceleration") * series.acceleration_unit * scale
-            profile.begin(self.get("Goal Position") - self.homing, speed, acceleration)
+            goal = self.get("Goal Position") - self.homing
+            velocity, acceleration = self.get("Profile Velocity"), self.get("Profile Acceleration")
+            if self.get("Drive Mode") & TIME_BASED:
+                profile.begin_timed(goal, velocity / 1000, acceleration / 1000)
+            else:
+                speed = velocity * series.velocity_unit * scale
+                profile.begin(goal, speed, acceleration * series.acceleration_unit * scale)
             self._new_goal = False
-        start = profile.position
+        begin = profile.position
         profile.advance(seconds)
-        if self.stuck:
-            self.velocity = 0.0
-        elif seconds:
-            # A joint that follows a ramp is 2 / BANDWIDTH behind it in the end.
-            ramp = (profile.position - start) / seconds
-            error = self.position - start + 2 * ramp / BANDWIDTH
-            pull = self.velocity - ramp + BANDWIDTH * error
-            decay = math.exp(-BANDWIDTH * seconds)
-            moved = ramp * seconds + (error + pull * seconds) * decay - error
-            velocity = ramp + (pull - BANDWIDTH * (error + pull * seconds)) * decay
-            fastest = self.model.speed * RPM * scale
-            self.position += max(-fastest * seconds, min(fastest * seconds, moved))
-            self.velocity = max(-fastest, min(fastest, velocity))
-        # The motor's voltage is the proportional gain times the position error.
-        gain = self.get("Position P Gain") / self._initial["Position P Gain"] * STIFFNESS
-        return max(-1.0, min(1.0, gain * (profile.position - self.position) / scale))
+        return Drive(
+            begin=begin,
+            end=profile.position,
+            stiffness=self.get("Position P Gain") / self._initial["Position P Gain"] * STIFFNESS / scale,
+            damping=self.get("Position D Gain") * DERIVATIVE if series is X else 0.0,
+            limit=min(self.get("Goal PWM"), self.get("PWM Limit")) / self._initial["PWM Limit"],
+        )
 
     def _protect(self) -> None:
         """Report overheating, and switch torque off until a reboot, where Shutdown (63) says so."""

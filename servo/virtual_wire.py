@@ -34,8 +34,8 @@ from gesture_bot.servo.virtual_servo import VirtualServo
 HEADER = bytes((0xFF, 0xFF, 0xFD, 0x00))
 SDK = Protocol2PacketHandler()
 
-LONGEST_PACKET = 512
-"""A header that announces more bytes was damaged."""
+SHORTEST_PACKET, LONGEST_PACKET = PKT_PARAMETER0 + 2, 512
+"""A header that announces fewer or more bytes was damaged."""
 
 
 def with_crc(packet: list[int]) -> bytes:
@@ -118,11 +118,13 @@ class VirtualWire:
             del self._received[: -len(HEADER) + 1]
             return b""
         del self._received[:start]
+        if len(self._received) < SHORTEST_PACKET:
+            return b""
         stop = PKT_INSTRUCTION + int.from_bytes(self._received[PKT_LENGTH_L:PKT_INSTRUCTION], "little")
-        if stop > LONGEST_PACKET:
+        if not SHORTEST_PACKET <= stop <= LONGEST_PACKET:
             del self._received[: len(HEADER)]
             return self._next_packet()
-        if len(self._received) < max(stop, PKT_PARAMETER0 + 2):
+        if len(self._received) < stop:
             return b""
         packet = bytes(self._received[:stop])
         del self._received[:stop]

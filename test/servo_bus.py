@@ -62,7 +62,7 @@ def recorded_bus(robot: Robot, more: Iterable[ServoSpec] = ()) -> Iterator[Recor
     wire = RecordingWire(map(VirtualServo, [*servo_specs(robot), *more]))
     servos_end, wire.port = open_pseudo_terminal()
     stop_reading, stop = os.pipe()
-    thread = threading.Thread(target=serve, args=(wire, servos_end, stop_reading))
+    thread = threading.Thread(target=serve, args=({servos_end: wire}, stop_reading))
     thread.start()
     try:
         yield wire

@@ -86,17 +86,20 @@ def test_a_servo_that_shares_its_id_keeps_it(capsys):
 def test_check_tells_changes_and_makes_them_once(typed, capsys):
     with recorded_bus(ROBOT) as wire:
         elbow = wire.servos[ELBOW.id]
-        for register, value in {"Operating Mode": 4, "Shutdown": 0, "Velocity Limit": 10}.items():
+        wrong = {"Operating Mode": 4, "Drive Mode": 4, "Shutdown": 0, "Velocity Limit": 10}
+        for register, value in wrong.items():
             elbow.set(register, value)
         elbow.set("Torque Enable", 1)
         assert servos("check", "toa", "--port", wire.port) == 1
         assert wire.writes == [], "it only looks"
         told = capsys.readouterr().out
         assert "Operating Mode 4 -> 3" in told and "--apply" in told
+        assert "Drive Mode 4 (time-based) -> 0" in told
 
         typed.write("\n")
         assert servos("check", "toa", "--apply", "--port", wire.port) == 0
         assert f"torque goes off at servo {ELBOW.id}" in capsys.readouterr().out
+        assert elbow.get("Drive Mode") == 0
         assert elbow.get("Operating Mode") == 3 and elbow.get("Shutdown") == 0b110100
         # 0 to 2.5 rad, turned round, and 5 degrees more on both sides.
         assert elbow.get("Min Position Limit") == pytest.approx(2048 - (2.5 + 0.0873) * 4096 / 6.2832, abs=1)

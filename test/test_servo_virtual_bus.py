@@ -183,7 +183,9 @@ def test_rubbish_between_packets_is_skipped_and_split_packets_are_joined(port):
     ping = with_crc([*HEADER, 1, 3, 0, 1])
     wire = port.wire
     assert wire.receive(b"\x00\xff\xff noise \xff" + ping[:4]) == b""
-    assert wire.receive(ping[4:]) == status_packet(1, 0, (1060).to_bytes(2, "little") + b"\x30")
+    answer = status_packet(1, 0, (1060).to_bytes(2, "little") + b"\x30")
+    assert wire.receive(ping[4:]) == answer
+    assert wire.receive(ping[:5] + b"\x00" + ping[6:] + ping) == answer, "a length that was damaged"
 
 
 @pytest.mark.parametrize(
@@ -273,6 +275,25 @@ def test_profile_acceleration_makes_a_trapezoid_of_the_e_manuals_times(port):
     for _ in range(40):
         port.wire.advance(0.01)
     assert round(servo.position) == 3548 and profile_of(port, 1)[2] == 0x31, "the joint has arrived"
+
+
+def test_a_time_based_profile_takes_its_time_however_far_the_goal_is(port):
+    for servo_id, goal in ((1, 2148), (9, 1000)):
+        write(port, servo_id, 10, 1, 4)
+        write(port, servo_id, PROFILE_ACCELERATION, 4, 300)
+        write(port, servo_id, PROFILE_VELOCITY, 4, 1000)
+        write(port, servo_id, TORQUE, 1, 1)
+        write(port, servo_id, GOAL, 4, goal)
+    steps = []
+    for _ in range(110):
+        port.wire.advance(0.01)
+        steps.append((profile_of(port, 1), profile_of(port, 9)))
+    for servo, goal in ((0, 2148), (1, 1000)):
+        velocity, position, status = zip(*(step[servo] for step in steps), strict=True)
+        assert position[85] != goal == position[99] and velocity[101] == 0, "1 s"
+        assert velocity[14] == pytest.approx(velocity[40] / 2, abs=1), "0.3 s to accelerate"
+        assert velocity[84] == pytest.approx(velocity[40] / 2, abs=1)
+        assert status[50] == 0x32
 
 
 def test_a_new_goal_on_the_way_changes_the_velocity_without_a_jump(port):

@@ -1,0 +1,44 @@
+"""The moments of a bus cycle: ticks jitter, threads pause, and the clock on the wall may be set."""
+
+import math
+
+LONGEST_PAUSE = 0.1
+"""Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
+
+CLOCK_DRIFT = 1e-3
+"""How much faster one of them may run."""
+
+
+class Pacing:
+    """Follows the ticks of a driver.
+
+    Args:
+        dt: Time from one tick to the next, as agreed [s].
+
+    Attributes:
+        sampled: The moment of the plan that is sent now [s since the epoch]. It goes in even steps.
+        late: How many ticks came more than half a period late.
+    """
+
+    def __init__(self, dt: float):
+        self.sampled = -math.inf
+        self.late = 0
+        self._dt = dt
+        self._last = -math.inf
+        self._ahead = -math.inf
+
+    def tick(self, now: float, monotonic: float) -> None:
+        """It is `now` [s since the epoch], and so late on the monotonic clock [s]."""
+        # The thread may have paused between the two.
+        ahead = now - monotonic
+        paused = 0.0 < self._ahead - ahead < LONGEST_PAUSE
+        self._ahead = max(ahead, self._ahead - CLOCK_DRIFT * self._dt) if paused else ahead
+        self.late += math.inf > now - self._last > 1.5 * self._dt
+        self._last = now
+        # The plan is sampled at even steps that follow the clock slowly.
+        due = self.sampled + self._dt
+        self.sampled = due + 0.02 * (now - due) if abs(now - due) < self._dt else now
+
+    def stamp(self, monotonic: float) -> float:
+        """A moment on the monotonic clock [s], in seconds since the epoch."""
+        return monotonic + self._ahead
