@@ -17,11 +17,16 @@ class Argument:
 
 @dataclass(frozen=True)
 class GraphNode:
-    """A node: a file of this folder, its class, and the arguments that it takes as parameters."""
+    """A node: a file of this folder, its class, and the arguments that it takes as parameters.
+
+    One with a `switch` runs only where the argument of that name is true, always in a process of its own, and
+    the others go on without it.
+    """
 
     name: str
     class_name: str
     arguments: tuple[str, ...]
+    switch: str = ""
 
 
 ARGUMENTS = (
@@ -48,6 +53,12 @@ ARGUMENTS = (
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),
     Argument("robot", "toa", "Robot: a name in config/robots, or a YAML file"),
     Argument("port", "virtual", "Serial port of the servo bus, or 'virtual' (a simulated bus)"),
+    Argument("studio", "false", "Page in the browser to see and steer the robot: true or false"),
+    Argument(
+        "studio_address",
+        "127.0.0.1:8080",
+        "Where the page is, HOST:PORT; beyond this machine it asks for a token, which the log tells",
+    ),
     Argument("seed", 0, "Seed of everything that is drawn at random"),
 )
 """The arguments of the graph. `namespace` is one more, which every node takes as ROS gives it."""
@@ -66,6 +77,7 @@ NODES = (
     GraphNode("retargeter", "Retargeter", ("robot",)),
     GraphNode("joy_teleop", "JoyTeleop", ("robot",)),
     GraphNode("motion_mux", "MotionMux", ("robot",)),
+    GraphNode("studio", "Studio", ("robot", "database", "banks", "studio_address"), switch="studio"),
     GraphNode("servo_driver", "ServoDriver", ("robot", "port")),
 )
 """In the order of the data; the bus comes last, so that nothing can move before all of it stands."""
