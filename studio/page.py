@@ -49,8 +49,10 @@ div:has(> .studio-banner) {{ text-align: center; }}
 .studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px; background: #fff0f0;
   color: #c92a2a; font-weight: 600; font-size: 13px; }}
 .studio-said {{ padding: 0 10px 6px; font-size: 12px; color: #c92a2a; }}
-div:has(> div > .studio-chips) {{ display: flex; flex-wrap: wrap; }}
-div:has(> div > .studio-chips) > div > div {{ margin-inline: 3px !important; padding-bottom: 5px !important; }}
+div:has(> div > .studio-chips) {{ display: flex; flex-wrap: wrap; padding: 4px; }}
+div:has(> div > .studio-chips) > div {{ margin-inline: 2px !important; padding-bottom: 5px !important; }}
+div:has(> div > .studio-chips) button {{ padding-inline: 9px; }}
+.mantine-Notifications-root {{ top: 160px !important; }}
 """
 
 
@@ -153,9 +155,9 @@ class Page:
         panel = server.gui.add_panel()
         with panel.add_tab("Robot"):
             for label, thing in (
-                ("chosen keypoints", self.chosen.root),
-                ("refined keypoints", self.refined.root),
-                ("retargeting's target", self._ghost.root),
+                ("chosen pose", self.chosen.root),
+                ("refined pose", self.refined.root),
+                ("robot's target", self._ghost.root),
             ):
                 box = server.gui.add_checkbox(label, False)
                 box.on_update(self._events.on(label, lambda on, thing=thing: setattr(thing, "visible", on)))
@@ -194,7 +196,7 @@ class Page:
         panel = server.gui.add_panel()
         with panel.add_tab("Time"):
             self._strip = server.gui.add_html(self.strip.html(0.0))
-        panel.float(x=GAP, y=-GAP, width=500, height=strip.HEIGHT + 52)
+        panel.float(x=GAP, y=-GAP, width=500, height=strip.HEIGHT + 66)
 
     def _build_stop(self, server: viser.ViserServer) -> None:
         panel = server.gui.add_panel()

@@ -18,10 +18,10 @@ COLUMNS = 25
 LOUD = 0.25
 """Amplitude that fills the row."""
 
-ROWS = {"sound": (0, 44), "words": (44, 24), "windows": (70, 24), "emotion": (96, 24), "control": (122, 24)}
+ROWS = {"sound": (0, 44), "words": (46, 32), "windows": (80, 24), "emotion": (104, 24), "control": (128, 24)}
 """Top and height of each row [pixels]."""
 
-HEIGHT = 164
+HEIGHT = 168
 
 COLORS = {"speech": "#9dc3e6", "rest": "#e1e5ea", "bank": "#f4b860", "emotion": "#b5dcc3", "control": "#f3d9b1"}
 """As in the picture of a run; see evaluate/timeline.py."""
@@ -42,7 +42,8 @@ class Strip:
 
     def __init__(self) -> None:
         self._sound: dict[int, float] = {}
-        self._words: deque[tuple[float, float, str]] = deque(maxlen=200)
+        self._words: deque[tuple[float, float, str, bool]] = deque(maxlen=200)
+        self._lower = False
         self._keywords: deque[tuple[float, float]] = deque(maxlen=50)
         self._beats: deque[float] = deque(maxlen=200)
         self._bars: dict[str, deque[_Bar]] = {row: deque(maxlen=60) for row in ("windows", "emotion", "control")}
@@ -60,7 +61,8 @@ class Strip:
     def add_word(self, source: str, utterance: int, start: float, duration: float, text: str) -> None:
         """Take in a word."""
         if not self._cuts.void(source, utterance, start):
-            self._words.append((start, start + duration, text))
+            self._lower = not self._lower  # two lines, so that short words do not cover each other
+            self._words.append((start, start + duration, text, self._lower))
 
     def add_keyword(self, start: float, duration: float) -> None:
         """Take in a keyword; its words are drawn bold."""
@@ -140,13 +142,12 @@ class Strip:
     def _word_parts(self, begin: float) -> list[str]:
         top, height = ROWS["words"]
         parts = []
-        for start, end, text in self._words:
+        for start, end, text, lower in self._words:
             x = _percent(start, begin)
             if -10 <= x <= 100:
                 key = any(start < last and first < end for first, last in self._keywords)
-                parts.append(
-                    f'<text x="{x:.2f}%" y="{top + height - 7}" class="word{" key" * key}">{escape(text)}</text>'
-                )
+                y = top + (height - 3 if lower else height // 2 - 4)
+                parts.append(f'<text x="{x:.2f}%" y="{y}" class="word{" key" * key}">{escape(text)}</text>')
         return parts
 
 

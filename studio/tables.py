@@ -80,7 +80,7 @@ class Facts:
                 f"<td>{_owner(self.owners.get(joint, ''))}</td>"
                 f"<td>{_number(servo.temperature, '°C')}</td><td>{_number(100 * servo.load, '%')}</td></tr>"
             )
-        return f"<table><tr><th>joint</th><th>moved by</th><th>temp.</th><th>load</th></tr>{''.join(rows)}</table>"
+        return f"<table><tr><th>joint</th><th>by</th><th>temp.</th><th>load</th></tr>{''.join(rows)}</table>"
 
 
 def _owner(name: str) -> str:
