@@ -1,6 +1,6 @@
 """What the studio costs with a page open and everything moving, and whether the graph misses anything.
 
-`make bench-studio`; the last line is one JSON object. It needs chromium, whose work is not counted, and which runs
+`make bench-studio`; the last line is one JSON object. It needs chromium, whose work is not counted. That runs
 at the lowest priority: without a graphics card it takes more of a small machine than all the rest.
 """
 
@@ -8,7 +8,6 @@ import argparse
 import itertools
 import json
 import os
-import re
 import sys
 import tempfile
 import time
@@ -24,7 +23,7 @@ from std_msgs.msg import String
 from tqdm import tqdm
 
 from gesture_bot.base.frames import FRAME_RATE
-from gesture_bot.cli.demo import running_graph
+from gesture_bot.cli.demo import running_graph, studio_address
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.msg import Emotion
 from gesture_bot.nodes.demo_director import SCRIPT
@@ -60,11 +59,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         log = Path(folder) / "graph.log"
         graph = stack.enter_context(running_graph(log, "studio:=true", "studio_address:=127.0.0.1:0"))
-        until(lambda: re.search(r"open http\S+", log.read_text()) and record.refined)
-        address = log.read_text().split("studio: open ")[1].split()[0]
+        until(lambda: studio_address(log) and record.refined)
         (studio,) = [child for child in psutil.Process(graph.pid).children() if "studio" in child.cmdline()]
         os.nice(19)  # what starts from here on is the browser
-        pages = [] if options.closed else stack.enter_context(open_pages(address))
+        pages = [] if options.closed else stack.enter_context(open_pages(studio_address(log)))
         for page in pages:
             for switch in ("chosen pose", "refined pose", "robot's target"):
                 element(page, switch).click()

@@ -57,7 +57,11 @@ def _parser() -> argparse.ArgumentParser:
         description="Run the graph in simulation, "
         "steer it, and write a film, a timeline and a summary. Takes about a minute.",
     )
-    demo.add_argument("arguments", nargs="*", metavar="robot:=NAME|FILE", help="which robot (toa)")
+    demo.add_argument(
+        "arguments", nargs="*", metavar="NAME:=VALUE",
+        help="robot:=NAME|FILE (toa); studio:=true|false, a page in the browser (true where a display is); "
+        "studio_address:=HOST:PORT",
+    )  # fmt: skip
     demo.add_argument(
         "-o", "--output", type=Path, default=Path("demo_out"), help="folder to write into (demo_out)"
     )

@@ -1,6 +1,7 @@
 """The whole graph, one process a node: ros2 launch gesture_bot gesture_bot.launch.py NAME:=VALUE ..."""
 
 from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -11,7 +12,10 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and start the nodes of nodes/graph.py; they stand and fall together."""
+    """Declare the arguments and start the nodes of nodes/graph.py; they stand and fall together.
+
+    The others go on without a node that has a switch.
+    """
     values = {
         argument.name: ParameterValue(LaunchConfiguration(argument.name), value_type=type(argument.default))
         for argument in ARGUMENTS
@@ -34,7 +38,8 @@ def generate_launch_description() -> LaunchDescription:
                     {name: values[name] for name in node.arguments},
                 ],
                 output="screen",
-                on_exit=Shutdown(),
+                condition=IfCondition(LaunchConfiguration(node.switch)) if node.switch else None,
+                on_exit=None if node.switch else Shutdown(),
             )
             for node in NODES
         ]

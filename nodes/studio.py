@@ -1,4 +1,4 @@
-"""The page in the browser: what the graph says goes in, what people do there comes out, on the public topics."""
+"""The page in the browser: what the graph tells goes in, what people do there goes out on public topics."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ from gesture_bot.msg import (
 )
 from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.messages import clip_from, trajectory_from
-from gesture_bot.nodes.node import PLAN, STATE, STREAM, seconds, stamp
+from gesture_bot.nodes.node import PLAN, STATE, STREAM, diagnostic, seconds, stamp
 from gesture_bot.nodes.teleop import Operator
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.trajectories import Overlay
@@ -50,7 +50,9 @@ class Studio(Operator):
 
     def __init__(self, name: str = "studio", **options: Any):
         super().__init__(name, **options)
-        self._robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
+        self._robot = load_robot(
+            self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file")
+        )
         database = self.parameter(
             "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
         )
@@ -71,11 +73,12 @@ class Studio(Operator):
         self.follow(self._robot)
         self._listen()
         self.every(TICK, self._show)
-        self.get_logger().info(f"studio: open {url}")
+        self.every(1.0, self._report)
         if "token" in url:
             self.get_logger().warning(
-                "other computers can open the studio with this token, and move the robot; nothing is encrypted"
+                "other computers can open the studio with the token, and move the robot; nothing is encrypted"
             )
+        self.waits_for(f"a browser: open {url}")
 
     def destroy_node(self) -> None:
         """Close the page, too."""
@@ -131,13 +134,17 @@ class Studio(Operator):
         self._reset.call_async(Trigger.Request())
 
     def _show(self) -> None:
-        if not self._page.open and self.jog.taken:
+        if not self._page.browsers and self.jog.taken:
             self.give_all_back()  # nobody is left who could
         self._page.deal()
         now, facts = self.now(), self._page.facts
         facts.owners = self.owners
         target = self._target.at(np.array([now]))[0][0]
         self._page.show(now, self.measured, self.jog.goals, target)
+
+    def _report(self) -> None:
+        taken = ", ".join(self.jog.taken) or "nothing"
+        self.diagnose(diagnostic("studio", self.errors(), "running", pages=self._page.browsers, taken=taken))
 
     def _listen(self) -> None:
         strip = self._page.strip
@@ -151,9 +158,7 @@ class Studio(Operator):
 
         def on_word(message: Word) -> None:
             start = seconds(message.header.stamp)
-            strip.add_word(
-                message.header.frame_id, message.utterance, start, message.duration, message.text
-            )
+            strip.add_word(message.header.frame_id, message.utterance, start, message.duration, message.text)
 
         def on_keyword(message: Keyword) -> None:
             strip.add_keyword(seconds(message.begin), message.duration)

@@ -37,11 +37,17 @@ class Arms:
         arms = arm_joints(robot)
         others = tuple(joint for joint in robot.joints if joint not in (*arms["left"], *arms["right"]))
         handles = server.gui.add_checkbox("drag wrists", False, hint="Arrows at the wrists, to drag them by")
-        for part, joints in (("left arm", arms["left"]), ("right arm", arms["right"]), ("other joints", others)):
+        for part, joints in (
+            ("left arm", arms["left"]),
+            ("right arm", arms["right"]),
+            ("other joints", others),
+        ):
             if joints:
                 with server.gui.add_folder(part, expand_by_default=part != "other joints"):
                     self._add_part(server, part, joints, events)
-        self._wrists = {side: _Wrist(server, robot, side, view, events, steering) for side in ("left", "right")}
+        self._wrists = {
+            side: _Wrist(server, robot, side, view, events, steering) for side in ("left", "right")
+        }
         handles.on_update(events.on("handles", self._show_handles))
 
     def show(self, measured: np.ndarray, goals: np.ndarray) -> None:
@@ -60,7 +66,9 @@ class Arms:
         for wrist in self._wrists.values():
             wrist.show(measured, goals)
 
-    def _add_part(self, server: viser.ViserServer, part: str, joints: tuple[str, ...], events: Events) -> None:
+    def _add_part(
+        self, server: viser.ViserServer, part: str, joints: tuple[str, ...], events: Events
+    ) -> None:
         choice = server.gui.add_button_group(part, ("Take", "Give back"))
         choice.on_click(events.on(part, lambda chosen: self._take(chosen == "Take", joints)))
         for joint in joints:

@@ -1,4 +1,4 @@
-"""The motion controls: a range for each quantity, in its unit, with the percentiles of the database beside it."""
+"""The motion controls: a range for each quantity, in its unit and in percentiles of the database."""
 
 from html import escape
 

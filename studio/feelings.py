@@ -30,9 +30,11 @@ around.querySelectorAll('input[inputmode=decimal]').forEach((input, i) => {
 """.replace("SPAN", str(SPAN))
 
 STYLE = """
-.studio-pad { display: block; width: calc(100% - 20px); height: 250px; margin: 0 10px 8px; background: #f4f7f9;
-              border: 1px solid #dde3e8; border-radius: 4px; cursor: crosshair; touch-action: none; }
-.studio-pad text { font-size: 10px; dominant-baseline: middle; fill: #55606b; text-anchor: middle; pointer-events: none; }
+.studio-pad { display: block; width: calc(100% - 20px); height: 250px; margin: 0 10px 8px;
+  background: #f4f7f9; border: 1px solid #dde3e8; border-radius: 4px; cursor: crosshair; touch-action: none; }
+.studio-pad text { font-size: 10px; fill: #55606b; pointer-events: none;
+  dominant-baseline: middle; text-anchor: middle; }
+.studio-pad .felt { font-weight: bold; }
 .studio-pad .axis { fill: #a3adb7; }
 """
 
@@ -53,7 +55,9 @@ class Feelings:
         self._emotions = emotions
         self._names = server.gui.add_dropdown("emotion", tuple(emotions), initial_value="neutral")
         self._pad = server.gui.add_html("")
-        self._place = server.gui.add_vector2("valence, arousal", (0.0, 0.0), min=(-1, -1), max=(1, 1), step=0.01)
+        self._place = server.gui.add_vector2(
+            "valence, arousal", (0.0, 0.0), min=(-1, -1), max=(1, 1), step=0.01
+        )
         self._names.on_update(events.on("emotion", steering.feel))
         self._place.on_update(events.on("emotion", lambda place: steering.feel("", *place)))
         self._written = _apart(emotions)
@@ -78,15 +82,16 @@ class Feelings:
 
     def _drawn(self, expression: str, valence: float, arousal: float) -> str:
         names = "".join(
-            f'<text x="{x:.1f}%" y="{y:.1f}%"{" style=font-weight:bold" * (name == expression)}>{escape(name)}</text>'
+            f'<text x="{x:.1f}%" y="{y:.1f}%" class="{"felt" * (name == expression)}">{escape(name)}</text>'
             for name, (x, y) in self._written.items()
         )
-        axes = '<text x="91%" y="53%" class="axis">valence</text><text x="58%" y="4%" class="axis">arousal</text>'
         return (
             f'<svg class="studio-pad" onclick="{escape(_CLICK)}">'
             '<line x1="50%" x2="50%" y1="0" y2="100%" stroke="#dde3e8"/>'
             '<line x1="0" x2="100%" y1="50%" y2="50%" stroke="#dde3e8"/>'
-            f'<circle cx="{_x(valence):.1f}%" cy="{_y(arousal):.1f}%" r="7" fill="#299ba6" opacity="0.75"/>{axes}{names}</svg>'
+            '<text x="91%" y="53%" class="axis">valence</text><text x="58%" y="4%" class="axis">arousal</text>'
+            f'<circle cx="{_x(valence):.1f}%" cy="{_y(arousal):.1f}%" r="7" fill="#299ba6" opacity="0.75"/>'
+            f"{names}</svg>"
         )
 
 

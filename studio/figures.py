@@ -43,7 +43,12 @@ class Figure:
     """
 
     def __init__(
-        self, server: viser.ViserServer, name: str, color: Color, position: tuple[float, float, float], size: float
+        self,
+        server: viser.ViserServer,
+        name: str,
+        color: Color,
+        position: tuple[float, float, float],
+        size: float,
     ):
         self.frames = Frames()
         self._shown: np.ndarray | None = None

@@ -83,7 +83,9 @@ def open_server(address: str) -> tuple[viser.ViserServer, str]:
         server = _Server(host=host, port=port, label="gesture_bot", verbose=False)
     if not guarded:
         server.stop()
-        raise GestureBotError("the studio cannot check who opens it with this version of viser", viser.__version__)
+        raise GestureBotError(
+            "the studio cannot check who opens it with this version of viser", viser.__version__
+        )
     name = socket.gethostname() if ipaddress.ip_address(host).is_unspecified else host
     name = f"[{name}]" if ":" in name else name
     query = f"?token={guard.token}" if guard.token else ""
@@ -102,7 +104,9 @@ def _parsed(address: str) -> tuple[str, int]:
         with socket.socket() as tried:
             tried.bind((host, 0))
     except (OSError, ValueError) as error:
-        raise InvalidValueError(f"studio_address must be HOST:PORT of this machine ({error})", address) from error
+        raise InvalidValueError(
+            f"studio_address must be HOST:PORT of this machine ({error})", address
+        ) from error
     if port is None:
         raise InvalidValueError("studio_address must be HOST:PORT", address)
     return host, port

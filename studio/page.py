@@ -44,10 +44,11 @@ STYLE = f"""
 [data-floating-window]:has(.studio-stop) [data-dock-griphandle],
 [data-floating-window]:has(.studio-stop) [data-dock-strip],
 [data-floating-window]:has(.studio-stop) [data-dock-resize] {{ display: none !important; }}
-[data-floating-window]:has(.studio-stop) button {{ height: 46px !important; font-size: 19px; font-weight: 700; }}
+[data-floating-window]:has(.studio-stop) button {{ height: 46px !important;
+  font-size: 19px; font-weight: 700; }}
 div:has(> .studio-banner) {{ text-align: center; }}
-.studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px; background: #fff0f0;
-  color: #c92a2a; font-weight: 600; font-size: 13px; }}
+.studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px;
+  background: #fff0f0; color: #c92a2a; font-weight: 600; font-size: 13px; }}
 .studio-said {{ padding: 0 10px 6px; font-size: 12px; color: #c92a2a; }}
 div:has(> div > .studio-chips) {{ display: flex; flex-wrap: wrap; padding: 4px; }}
 div:has(> div > .studio-chips) > div {{ margin-inline: 2px !important; padding-bottom: 5px !important; }}
@@ -96,15 +97,17 @@ class Page:
         self._build_stop(server)
 
     @property
-    def open(self) -> bool:
-        """Whether a browser shows it."""
-        return bool(self._server.get_clients())
+    def browsers(self) -> int:
+        """How many browsers show it."""
+        return len(self._server.get_clients())
 
     def deal(self) -> None:
         """Do what people asked for since the last time, and tell them what went wrong."""
         if self._events.waiting:
             self._said = self._events.deal()
-            self._trouble.content = f'<div class="studio-said">{escape(self._said)}</div>' if self._said else ""
+            self._trouble.content = (
+                f'<div class="studio-said">{escape(self._said)}</div>' if self._said else ""
+            )
 
     def show(self, now: float, measured: np.ndarray, goals: np.ndarray, target: np.ndarray) -> None:
         """Bring the page up to date; to be called every TICK. Nothing is sent while no browser shows it.
@@ -115,7 +118,7 @@ class Page:
             goals: (j,) where those that are taken on this page are sent [rad]; NaN for others.
             target: (j,) where the retargeting wants them now [rad].
         """
-        if not self.open:
+        if not self.browsers:
             return
         self._ticks += 1
         with self._server.atomic():
@@ -204,7 +207,9 @@ class Page:
             styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE
             server.gui.add_html(f'<div class="studio-stop"></div><style>{"".join(styles)}</style>')
             stop = server.gui.add_button("STOP", color="red", icon=viser.Icon.HAND_STOP)
-            self._stopped = server.gui.add_html('<div class="studio-banner">stopped until reset</div>', visible=False)
+            self._stopped = server.gui.add_html(
+                '<div class="studio-banner">stopped until reset</div>', visible=False
+            )
             self._reset = server.gui.add_button("Reset", color="gray", visible=False)
         panel.float(x=GAP, y=GAP, width=210)
         key = server.gui.add_command("Stop the robot", hotkey="escape", icon=viser.Icon.HAND_STOP)

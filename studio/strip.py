@@ -1,4 +1,4 @@
-"""The strip below the robot: sound, words, beats, windows and control of the last seconds on one time axis."""
+"""The strip below the robot: sound, words, beats, windows and control on one time axis, as it passes."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -23,7 +23,13 @@ ROWS = {"sound": (0, 44), "words": (46, 32), "windows": (80, 24), "emotion": (10
 
 HEIGHT = 168
 
-COLORS = {"speech": "#9dc3e6", "rest": "#e1e5ea", "bank": "#f4b860", "emotion": "#b5dcc3", "control": "#f3d9b1"}
+COLORS = {
+    "speech": "#9dc3e6",
+    "rest": "#e1e5ea",
+    "bank": "#f4b860",
+    "emotion": "#b5dcc3",
+    "control": "#f3d9b1",
+}
 """As in the picture of a run; see evaluate/timeline.py."""
 
 
@@ -46,7 +52,9 @@ class Strip:
         self._lower = False
         self._keywords: deque[tuple[float, float]] = deque(maxlen=50)
         self._beats: deque[float] = deque(maxlen=200)
-        self._bars: dict[str, deque[_Bar]] = {row: deque(maxlen=60) for row in ("windows", "emotion", "control")}
+        self._bars: dict[str, deque[_Bar]] = {
+            row: deque(maxlen=60) for row in ("windows", "emotion", "control")
+        }
         self._cuts = Cuts()
 
     def add_sound(self, source: str, utterance: int, start: float, samples: np.ndarray, rate: int) -> None:
@@ -107,11 +115,12 @@ class Strip:
         for row, bars in self._bars.items():
             parts += _bar_parts(row, list(bars), begin)
         labels = "".join(
-            f'<text x="6" y="{top + height / 2 + 4}" class="row">{row}</text>' for row, (top, height) in ROWS.items()
+            f'<text x="6" y="{top + height / 2 + 4}" class="row">{row}</text>'
+            for row, (top, height) in ROWS.items()
         )
         seconds = "".join(
-            f'<text x="{_percent(begin + PAST + s, begin):.1f}%" y="{HEIGHT - 3}" class="axis">{s:+d} s</text>'
-            for s in range(-int(PAST) + 1, int(AHEAD), 1)
+            f'<text x="{_percent(PAST + s, 0.0):.1f}%" y="{HEIGHT - 3}" class="axis">{s:+d} s</text>'
+            for s in range(-int(PAST) + 1, int(AHEAD))
             if s
         )
         x = 100 * PAST / (PAST + AHEAD)
@@ -135,8 +144,8 @@ class Strip:
         points = " ".join(upper + lower[::-1])
         width = 4.0 * COLUMNS * (PAST + AHEAD)
         return (
-            f'<svg viewBox="0 0 {width:.0f} {height}" preserveAspectRatio="none" width="100%" height="{height}">'
-            f'<polygon points="{points}" class="wave"/></svg>'
+            f'<svg viewBox="0 0 {width:.0f} {height}" preserveAspectRatio="none" '
+            f'width="100%" height="{height}"><polygon points="{points}" class="wave"/></svg>'
         )
 
     def _word_parts(self, begin: float) -> list[str]:
@@ -163,8 +172,8 @@ def _bar_parts(row: str, bars: list[_Bar], begin: float) -> list[str]:
             continue
         label = f'<text x="4" y="{height / 2 + 3}" class="bar">{escape(bar.label)}</text>'
         parts.append(
-            f'<svg x="{left:.2f}%" y="{top}" width="{right - left:.2f}%" height="{height - 2}" style="overflow:hidden">'
-            f'<rect width="100%" height="100%" rx="2" fill="{bar.color}" stroke="white"/>{label}</svg>'
+            f'<svg x="{left:.2f}%" y="{top}" width="{right - left:.2f}%" height="{height - 2}" '
+            f'style="overflow:hidden"><rect width="100%" height="100%" rx="2" fill="{bar.color}" stroke="white"/>{label}</svg>'
         )
     return parts
 

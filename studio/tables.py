@@ -51,7 +51,8 @@ class Facts:
 
     def html(self, joints: Sequence[str]) -> str:
         """All of it as HTML; what came from elsewhere is escaped."""
-        return f'<div class="studio-facts">{self._control()}{self._delay()}{self._troubles()}{self._table(joints)}</div>'
+        parts = self._control(), self._delay(), self._troubles(), self._table(joints)
+        return f'<div class="studio-facts">{"".join(parts)}</div>'
 
     def _control(self) -> str:
         names = sorted(set(self.owners.values()))
@@ -76,7 +77,7 @@ class Facts:
             servo = self.servos.get(joint, Servo())
             mark = ' class="bad"' if servo.trouble else ""
             rows.append(
-                f"<tr><td{mark} title=\"{escape(servo.trouble)}\">{escape(joint.replace('_', ' '))}</td>"
+                f'<tr><td{mark} title="{escape(servo.trouble)}">{escape(joint.replace("_", " "))}</td>'
                 f"<td>{_owner(self.owners.get(joint, ''))}</td>"
                 f"<td>{_number(servo.temperature, '°C')}</td><td>{_number(100 * servo.load, '%')}</td></tr>"
             )

@@ -76,7 +76,11 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         page.get_by_role("slider").first.press("ArrowRight")
         wait_until(lambda: record.states[-1].message.constraints, 10, "the control")
         (constraint,) = record.states[-1].message.constraints
-        assert (constraint.quantity, constraint.hand, constraint.bound) == ("wrist_height", "left", "at_least")
+        assert (constraint.quantity, constraint.hand, constraint.bound) == (
+            "wrist_height",
+            "left",
+            "at_least",
+        )
         assert constraint.unit == "value"
         button(page, "Free the motion").click()
         wait_until(lambda: not record.states[-1].message.constraints, 10, "no control")
