@@ -22,6 +22,9 @@ from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
 
+PATIENCE = 3.0
+"""A node beside the others has so long to end [s]."""
+
 
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
@@ -91,7 +94,10 @@ def _process(node: GraphNode, values: Mapping[str, str | int], settings: Sequenc
     try:
         yield
     finally:
-        process.communicate()
+        try:
+            process.communicate(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def _end_with_parent() -> None:

@@ -89,7 +89,8 @@ class Feelings:
             f'<svg class="studio-pad" onclick="{escape(_CLICK)}">'
             '<line x1="50%" x2="50%" y1="0" y2="100%" stroke="#dde3e8"/>'
             '<line x1="0" x2="100%" y1="50%" y2="50%" stroke="#dde3e8"/>'
-            '<text x="91%" y="53%" class="axis">valence</text><text x="58%" y="4%" class="axis">arousal</text>'
+            '<text x="91%" y="53%" class="axis">valence</text>'
+            '<text x="58%" y="4%" class="axis">arousal</text>'
             f'<circle cx="{_x(valence):.1f}%" cy="{_y(arousal):.1f}%" r="7" fill="#299ba6" opacity="0.75"/>'
             f"{names}</svg>"
         )

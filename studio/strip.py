@@ -167,13 +167,14 @@ def _bar_parts(row: str, bars: list[_Bar], begin: float) -> list[str]:
         end = bar.end if bar.end is not None else begin + PAST + AHEAD
         if following is not None:
             end = min(end, following.start)
-        left, right = max(-1.0, _percent(bar.start, begin)), min(110.0, _percent(end, begin))
+        left, right = max(0.0, _percent(bar.start, begin)), min(110.0, _percent(end, begin))
         if left >= right or right < 0 or not bar.label:
             continue
-        label = f'<text x="4" y="{height / 2 + 3}" class="bar">{escape(bar.label)}</text>'
+        label = f'<text x="5" y="{height / 2 + 3}" class="bar">{escape(bar.label)}</text>'
         parts.append(
             f'<svg x="{left:.2f}%" y="{top}" width="{right - left:.2f}%" height="{height - 2}" '
-            f'style="overflow:hidden"><rect width="100%" height="100%" rx="2" fill="{bar.color}" stroke="white"/>{label}</svg>'
+            f'style="overflow:hidden"><rect width="100%" height="100%" rx="2" fill="{bar.color}"/>'
+            f"{label}</svg>"
         )
     return parts
 

@@ -65,8 +65,9 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         page.get_by_role("option", name="sad", exact=True).click()
         wait_until(lambda: record.states[-1].message.expression == "sad", 10, "the emotion of the list")
         pad = page.locator(".studio-pad")
+        pad.locator(".felt").get_by_text("sad").wait_for()
         box = pad.bounding_box()
-        pad.click(position={"x": 0.8 * box["width"], "y": 0.15 * box["height"]})
+        page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.15 * box["height"])
         wait_until(lambda: record.states[-1].message.expression == "excited", 10, "the emotion of the pad")
         other.wait_for_function(
             "() => [...document.querySelectorAll('input')].some(input => input.value === 'excited')"
