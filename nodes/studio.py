@@ -1,11 +1,14 @@
 """The page in the browser: what the graph tells goes in, what people do there goes out on public topics."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.callback_groups import CallbackGroup
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -29,13 +32,13 @@ from gesture_bot.msg import (
 )
 from gesture_bot.nodes.constraints import constraint_from, constraint_to
 from gesture_bot.nodes.messages import clip_from, trajectory_from
-from gesture_bot.nodes.node import PLAN, STATE, STREAM, diagnostic, seconds, stamp
+from gesture_bot.nodes.node import PLAN, STATE, STREAM, Polled, diagnostic, poll, seconds, stamp
 from gesture_bot.nodes.teleop import Operator
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.trajectories import Overlay
 from gesture_bot.speech.liveness import Liveness
 from gesture_bot.studio.guard import open_server
-from gesture_bot.studio.page import TICK, Page
+from gesture_bot.studio.page import RATE, Page
 from gesture_bot.studio.tables import Servo
 
 STROKE = 1.2
@@ -70,9 +73,11 @@ class Studio(Operator):
         emotions, controls = load_emotions(), Controls(load_database(database))
         self._server, url = open_server(address)
         self._page = Page(self._server, self._robot, emotions, gestures, controls, self)
-        self.follow(self._robot)
-        self._listen()
-        self.every(TICK, self._show)
+        # All that comes would wake it two hundred times a second, and nobody looks so fast.
+        polled = Polled()
+        self.follow(self._robot, polled)
+        self._heard = [self.joint_states, *self._listen(polled)]
+        self.every(1 / RATE, self._show)
         self.every(1.0, self._report)
         if "token" in url:
             self.get_logger().warning(
@@ -133,20 +138,29 @@ class Studio(Operator):
             raise GestureBotError("nobody offers the service `reset`")
         self._reset.call_async(Trigger.Request())
 
+    def _tick(self) -> None:
+        poll(self.joint_states)
+        super()._tick()
+
     def _show(self) -> None:
-        if not self._page.browsers and self.jog.taken:
-            self.give_all_back()  # nobody is left who could
+        for subscription in self._heard:
+            poll(subscription)
         self._page.deal()
-        now, facts = self.now(), self._page.facts
-        facts.owners = self.owners
-        target = self._target.at(np.array([now]))[0][0]
-        self._page.show(now, self.measured, self.jog.goals, target)
+        if not self._page.browsers:
+            self.give_all_back()  # nobody is left who could
+        if not self.jog.taken:
+            self.ticking.cancel()
+        elif self.ticking.is_canceled():
+            self.ticking.reset()
+        now = self.now()
+        self._page.facts.owners = self.owners
+        self._page.show(now, self.measured, self.jog.goals, lambda: self._target.at(np.array([now]))[0][0])
 
     def _report(self) -> None:
         taken = ", ".join(self.jog.taken) or "nothing"
         self.diagnose(diagnostic("studio", self.errors(), "running", pages=self._page.browsers, taken=taken))
 
-    def _listen(self) -> None:
+    def _listen(self, group: CallbackGroup) -> list[Subscription]:
         strip = self._page.strip
 
         def on_audio(message: Audio) -> None:
@@ -188,7 +202,7 @@ class Studio(Operator):
             control = ", ".join(str(constraint_from(constraint)) for constraint in message.constraints)
             strip.set_state(self.now(), message.expression, control)
 
-        for message_type, topic, callback, qos in (
+        topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (
             (Audio, "speech/audio", on_audio, STREAM),
             (Word, "speech/words", on_word, PLAN),
             (Keyword, "speech/keywords", on_keyword, PLAN),
@@ -199,8 +213,8 @@ class Studio(Operator):
             (JointTrajectory, "gesture/joint_trajectory", on_target, PLAN),
             (SelectorState, "gesture/selector_state", on_state, STATE),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, PLAN),
-        ):
-            self.listen(message_type, topic, callback, qos)
+        )
+        return [self.listen(*topic, group) for topic in topics]
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         facts = self._page.facts

@@ -119,6 +119,7 @@ class _Wrist:
             scale=HANDLE * view.height,
             disable_rotations=True,
             depth_test=False,
+            position=self._reaching.wrist(robot.rest),
             visible=False,
         )
 

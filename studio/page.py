@@ -1,6 +1,6 @@
 """The page as a whole: what stands where, and how it follows the graph."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 
 import numpy as np
@@ -22,11 +22,11 @@ from gesture_bot.studio.steering import Steering
 from gesture_bot.studio.strip import Strip
 from gesture_bot.studio.tables import Facts
 
-TICK = 0.05
-"""Time between two pictures of the robot [s]."""
+RATE = 12.5
+"""Pictures a second."""
 
-EVERY_STRIP, EVERY_SLIDERS, EVERY_FACTS = 8, 4, 20
-"""So many ticks apart the strip, the sliders and the words are renewed; the strip moves on by itself."""
+EVERY_SLIDERS, EVERY_STRIP, EVERY_FACTS = 3, 5, 12
+"""So many pictures apart each is renewed. The strip moves on by itself in between."""
 
 LEFT, RIGHT, GAP = 262, 330, 10
 """Widths of the docked panels, and the gap around the floating ones [pixels]."""
@@ -109,14 +109,16 @@ class Page:
                 f'<div class="studio-said">{escape(self._said)}</div>' if self._said else ""
             )
 
-    def show(self, now: float, measured: np.ndarray, goals: np.ndarray, target: np.ndarray) -> None:
-        """Bring the page up to date; to be called every TICK. Nothing is sent while no browser shows it.
+    def show(
+        self, now: float, measured: np.ndarray, goals: np.ndarray, target: Callable[[], np.ndarray]
+    ) -> None:
+        """Bring the page up to date, RATE times a second; nothing is sent while no browser shows it.
 
         Args:
             now: [s since the epoch].
             measured: (j,) where the joints are [rad]; NaN where that is not known.
             goals: (j,) where those that are taken on this page are sent [rad]; NaN for others.
-            target: (j,) where the retargeting wants them now [rad].
+            target: Tells (j,) where the retargeting wants them now [rad].
         """
         if not self.browsers:
             return
@@ -124,7 +126,7 @@ class Page:
         with self._server.atomic():
             self._view.show(measured)
             if self._ghost.root.visible:
-                self._ghost.show(target)
+                self._ghost.show(target())
             self.chosen.show(now)
             self.refined.show(now)
             if self._ticks % EVERY_SLIDERS == 0:

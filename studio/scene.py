@@ -66,9 +66,11 @@ class RobotView:
         self._angles = angles.copy()
         self.kinematics.place(angles)
         shapes = robot_shapes(self.kinematics)
+        positions = np.array([shape.position for shape in shapes], np.float32)
+        quaternions = _quaternions(np.array([shape.rotation for shape in shapes]))
         for batch in self._batches:
-            batch.drawn.batched_positions = np.array([shapes[i].position for i in batch.members], np.float32)
-            batch.drawn.batched_wxyzs = _quaternions(np.array([shapes[i].rotation for i in batch.members]))
+            batch.drawn.batched_positions = positions[batch.members]
+            batch.drawn.batched_wxyzs = quaternions[batch.members]
 
 
 def _alike(shapes: list[Shape]) -> list[list[int]]:
@@ -124,4 +126,4 @@ def _scale(shape: Shape) -> np.ndarray:
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """(..., 3, 3) -> (..., 4), the real part first."""
-    return np.roll(Rotation.from_matrix(rotations).as_quat(), 1, axis=-1).astype(np.float32)
+    return Rotation.from_matrix(rotations).as_quat()[..., [3, 0, 1, 2]].astype(np.float32)

@@ -10,6 +10,7 @@ STYLE = """
 .studio-facts .big { font-size: 15px; font-weight: 600; margin: 6px 0 2px; }
 .studio-facts .dim { color: #6b7580; font-size: 12px; }
 .studio-facts .bad { color: #c92a2a; font-weight: 600; }
+.studio-facts .trouble { color: #c92a2a; font-size: 12px; margin-top: 6px; }
 .studio-facts table { width: 100%; border-collapse: collapse; margin-top: 6px; font-size: 12px; }
 .studio-facts th { text-align: right; font-weight: 500; color: #6b7580; padding: 2px 3px; }
 .studio-facts td { text-align: right; padding: 2px 3px; border-top: 1px solid #eef1f4; white-space: nowrap; }
@@ -51,7 +52,7 @@ class Facts:
 
     def html(self, joints: Sequence[str]) -> str:
         """All of it as HTML; what came from elsewhere is escaped."""
-        parts = self._control(), self._delay(), self._troubles(), self._table(joints)
+        parts = self._control(), self._delay(), self._table(joints), self._troubles()
         return f'<div class="studio-facts">{"".join(parts)}</div>'
 
     def _control(self) -> str:
@@ -69,7 +70,7 @@ class Facts:
 
     def _troubles(self) -> str:
         told = [f"{part}: {trouble}" for part, trouble in self.troubles.items()]
-        return "".join(f'<div class="bad">{escape(line)}</div>' for line in told)
+        return "".join(f'<div class="trouble">{escape(line)}</div>' for line in told)
 
     def _table(self, joints: Sequence[str]) -> str:
         rows = []
