@@ -74,7 +74,15 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         )
 
         page.get_by_role("tab", name="Controls").click()
-        page.locator(".multi-slider-track-container").first.click(position={"x": 40, "y": 5})
+        end = page.locator(".multi-slider-thumb").first
+        end.wait_for()
+        box = end.bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.wait_for_timeout(300)
+        page.mouse.move(box["x"] + 60, box["y"], steps=4)
+        page.wait_for_timeout(300)
+        page.mouse.up()
         wait_until(lambda: record.states[-1].message.constraints, 20, "the control")
         (constraint,) = record.states[-1].message.constraints
         assert (constraint.quantity, constraint.hand, constraint.bound) == (
