@@ -34,4 +34,4 @@ def open_pages(address: str, count: int = 1, size: tuple[int, int] = (1440, 900)
 def element(page: Page, label: str, kind: str = "input"):
     """The input beside a label."""
     row = page.get_by_text(label, exact=True).locator(f"xpath=ancestor::div[.//{kind}][1]")
-    return row.locator(kind).first
+    return row.first.locator(f"{kind}:visible").first

@@ -99,7 +99,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         wait_until(lambda: "thanks" in [heard.message.name for heard in record.selected], 20, "the gesture")
 
         page.get_by_role("tab", name="Take over").click()
-        elbow = element(page, "elbow [°]", "input[type=text]")
+        elbow = element(page, "elbow [°]")
         elbow.fill("80")
         elbow.press("Enter")
         column = robot.joints.index("left_elbow")
