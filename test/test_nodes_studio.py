@@ -99,9 +99,9 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         wait_until(lambda: "thanks" in [heard.message.name for heard in record.selected], 20, "the gesture")
 
         page.get_by_role("tab", name="Take over").click()
-        elbow = element(page, "elbow [°]")
-        elbow.fill("80")
-        elbow.press("Enter")
+        button(page, "Take").first.click()
+        wait_until(lambda: "teleop" in owners().values(), 20, "the arm to be taken")
+        element(page, "elbow [°]").fill("80")
         column = robot.joints.index("left_elbow")
         wait_until(lambda: owners()["left_elbow"] == "teleop", 20, "the elbow to be taken")
         assert owners()["right_elbow"] != "teleop"
