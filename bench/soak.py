@@ -170,6 +170,7 @@ def separate_graph(log: Path) -> Iterator[list[psutil.Process]]:
                 env={**os.environ, "PATH": path},
             )
             for node in NODES
+            if not node.switch
         ]
         try:
             yield [psutil.Process(process.pid) for process in started]

@@ -51,4 +51,5 @@ def _values(name: str) -> list[str]:
         "banks": ["shipped"],
         "port": ["virtual"],
         "rviz": ["true", "false"],
+        "studio": ["true", "false"],
     }.get(name, [])

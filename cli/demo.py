@@ -1,6 +1,8 @@
 """`gesture-bot demo`: the graph in simulation, steered by a script, shown live and drawn afterwards."""
 
 import argparse
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -28,6 +30,9 @@ from gesture_bot.nodes.recorder import Record
 from gesture_bot.nodes.start import parse_arguments
 from gesture_bot.retarget.robot import load_robot
 
+TAKEN = ("robot", "studio", "studio_address")
+"""The arguments of the graph that the demo takes."""
+
 REFRESH = 0.1
 """Time between two pictures of the live table [s]."""
 
@@ -36,17 +41,21 @@ def command(options: argparse.Namespace) -> int:
     """`gesture-bot demo`: run the demo and write its files into a folder; the exit status.
 
     Args:
-        options: arguments, none or robot:=NAME; output, the folder.
+        options: arguments, NAME:=VALUE of those TAKEN; output, the folder.
 
     Raises:
         GestureBotError: The robot cannot be loaded, or the graph did not start, or ended early.
     """
     console, output = Console(), options.output
-    values = parse_arguments(options.arguments, [a for a in ARGUMENTS if a.name == "robot"])
+    values = parse_arguments(options.arguments, [a for a in ARGUMENTS if a.name in TAKEN])
+    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    studio = values.setdefault("studio", "true" if display else "false") == "true"
     robot = load_robot(str(values.get("robot", "toa")))
     demo_database()  # on first use this takes a while, and shows its progress
     keep_local()
     console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
+    if not studio:
+        console.print("studio:=true opens a page to see and steer it, by default at http://127.0.0.1:8080/")
     output.mkdir(parents=True, exist_ok=True)
     log = output / "graph.log"
     rclpy.init()
@@ -55,7 +64,7 @@ def command(options: argparse.Namespace) -> int:
     executor.add_node(director)
     try:
         with (
-            running_graph(log, *options.arguments) as graph,
+            running_graph(log, *(f"{name}:={value}" for name, value in values.items())) as graph,
             Live(console=console, auto_refresh=False) as live,
         ):
             drawn = 0.0
@@ -63,6 +72,9 @@ def command(options: argparse.Namespace) -> int:
                 executor.spin_once(timeout_sec=0.02)
                 if graph.poll() is not None:
                     raise GestureBotError("the graph ended early; its log says why", str(log))
+                if studio and (address := studio_address(log)):
+                    studio = False  # told once
+                    console.print(f"See and steer it in your browser: {address}")
                 if time.monotonic() - drawn > REFRESH:
                     drawn = time.monotonic()
                     live.update(_table(director.record, director.now()), refresh=True)
@@ -100,6 +112,12 @@ def running_graph(log: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+def studio_address(log: Path) -> str:
+    """Where the studio of a running graph is, by its log; empty until that tells it."""
+    found = re.search(r"open (http\S+)", log.read_text(errors="replace"))
+    return found[1] if found else ""
 
 
 def _in_words(value: object) -> str:

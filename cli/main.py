@@ -77,7 +77,11 @@ def command_line() -> argparse.ArgumentParser:
         "steer it, and write a film, a timeline and a summary. Takes about a minute.",
         examples="gesture-bot demo\ngesture-bot demo robot:=mine.yaml -o mine_talks",
     )
-    demo.add_argument("arguments", nargs="*", metavar="robot:=NAME|FILE", help="which robot (toa)")
+    demo.add_argument(
+        "arguments", nargs="*", metavar="NAME:=VALUE",
+        help="robot:=NAME|FILE (toa); studio:=true|false, a page in the browser (true where a display is); "
+        "studio_address:=HOST:PORT",
+    )  # fmt: skip
     demo.add_argument(
         "-o", "--output", type=Path, default=Path("demo_out"), help="folder to write into (demo_out)"
     )

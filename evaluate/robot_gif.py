@@ -118,14 +118,23 @@ def _captioned(image: Image.Image, line: str) -> Image.Image:
 def _poses(robot: Robot, angles: np.ndarray) -> list[list[Shape]]:
     """The robot's shapes at each of the (n, j) joint angles."""
     kinematics = Kinematics(robot)
-    x, y, _ = kinematics.rotation(robot.mapping.torso) @ robot.mapping.forward
-    facing = Rotation.from_euler("z", -np.arctan2(y, x)).as_matrix()
+    turn = facing(kinematics, robot)
     poses = []
     for pose in angles:
         kinematics.place(pose)
-        shapes = kinematics.shapes() or [_line(*ends) for ends in kinematics.segments()]
-        poses.append([_turned(shape, facing) for shape in shapes])
+        poses.append([_turned(shape, turn) for shape in robot_shapes(kinematics)])
     return poses
+
+
+def facing(kinematics: Kinematics, robot: Robot) -> np.ndarray:
+    """(3, 3) the turn about z after which a robot, as it is placed, looks along x."""
+    x, y, _ = kinematics.rotation(robot.mapping.torso) @ robot.mapping.forward
+    return Rotation.from_euler("z", -np.arctan2(y, x)).as_matrix()
+
+
+def robot_shapes(kinematics: Kinematics) -> list[Shape]:
+    """The shapes that a robot is drawn with, or lines from link to link where it has none."""
+    return kinematics.shapes() or [_line(*ends) for ends in kinematics.segments()]
 
 
 def _turned(shape: Shape, rotation: np.ndarray) -> Shape:

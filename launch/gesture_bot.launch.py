@@ -12,7 +12,10 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and start the nodes of nodes/graph.py; they stand and fall together."""
+    """Declare the arguments and start the nodes of nodes/graph.py; they stand and fall together.
+
+    The others go on without a node that has a switch.
+    """
     values = {
         argument.name: ParameterValue(LaunchConfiguration(argument.name), value_type=type(argument.default))
         for argument in ARGUMENTS
@@ -35,7 +38,6 @@ def generate_launch_description() -> LaunchDescription:
                     {name: values[name] for name in node.arguments},
                 ],
                 output="screen",
-                # What is switched on beside the graph may end without it.
                 condition=IfCondition(LaunchConfiguration(node.switch)) if node.switch else None,
                 on_exit=None if node.switch else Shutdown(),
             )

@@ -58,6 +58,12 @@ ARGUMENTS = (
         "Serial port of the servo bus; of several, 'left=PORT right=PORT'; or 'virtual' (simulated)",
     ),
     Argument("rviz", "false", "What RViz and Foxglove show, beside the usual topics: true or false"),
+    Argument("studio", "false", "Page in the browser to see and steer the robot: true or false"),
+    Argument(
+        "studio_address",
+        "127.0.0.1:8080",
+        "Where the page is, HOST:PORT; beyond this machine it asks for a token, which the log tells",
+    ),
     Argument("seed", 0, "Seed of everything that is drawn at random"),
 )
 """The arguments of the graph. `namespace` is one more, which every node takes as ROS gives it."""
@@ -77,6 +83,7 @@ NODES = (
     GraphNode("joy_teleop", "JoyTeleop", ("robot",)),
     GraphNode("motion_mux", "MotionMux", ("robot",)),
     GraphNode("visualizer", "Visualizer", ("robot",), switch="rviz"),
+    GraphNode("studio", "Studio", ("robot", "database", "banks", "studio_address"), switch="studio"),
     GraphNode("servo_driver", "ServoDriver", ("robot", "port")),
 )
 """In the order of the data; the bus comes last, so that nothing can move before all of it stands."""

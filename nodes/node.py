@@ -6,6 +6,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -85,10 +86,16 @@ class GestureNode(Node):
         return value
 
     def listen(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+        self,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        qos: QoSProfile,
+        group: CallbackGroup | None = None,
     ) -> Subscription:
         """Subscribe; a bad message is logged in one line and changes nothing."""
-        return self.create_subscription(message_type, topic, self._guarded(callback, topic), qos)
+        guarded = self._guarded(callback, topic)
+        return self.create_subscription(message_type, topic, guarded, qos, callback_group=group)
 
     def listen_to_state(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to a state: the latched one at the start, and every change, from any publisher.
@@ -148,6 +155,30 @@ class GestureNode(Node):
                 self.fail(where, error)
 
         return guarded
+
+
+class Polled(CallbackGroup):
+    """Subscriptions that nothing wakes up for: a message waits until `poll` takes it."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Nothing to do."""
+
+
+def poll(subscription: Subscription) -> None:
+    """Let a subscription of the group Polled take the messages that have come."""
+    with subscription.handle:
+        while (
+            taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        ) is not None:
+            subscription.callback(taken[0])
 
 
 def diagnostic(

@@ -1,11 +1,15 @@
 """Starts one node in a process of its own, or the whole graph in one process."""
 
 import importlib
+import json
 import os
 import signal
+import subprocess
 import sys
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import NoReturn
 
@@ -18,6 +22,9 @@ from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
 
+PATIENCE = 3.0
+"""A node beside the others has so long to end [s]."""
+
 
 def start_node(name: str) -> int:
     """Run one node with the command line's ROS arguments until it is told to stop; the exit status."""
@@ -27,7 +34,7 @@ def start_node(name: str) -> int:
 
 
 def run_graph(arguments: Sequence[str]) -> int:
-    """Run every node in this process until it is told to stop.
+    """Run every node in this process until it is told to stop, but for those that have a switch.
 
     Args:
         arguments: NAME:=VALUE strings, the same names that the launch file takes.
@@ -40,8 +47,12 @@ def run_graph(arguments: Sequence[str]) -> int:
         values = parse_arguments(arguments)
     except GestureBotError as error:
         return _report(error)
-    nodes = [node for node in NODES if not node.switch or values.get(node.switch) == "true"]
-    return _spin(nodes, values, ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")])
+    settings = ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
+    with ExitStack() as beside:
+        for node in NODES:
+            if node.switch and values.get(node.switch) == "true":
+                beside.enter_context(_process(node, values, settings))
+        return _spin([node for node in NODES if not node.switch], values, settings)
 
 
 def parse_arguments(
@@ -50,7 +61,8 @@ def parse_arguments(
     """The values of NAME:=VALUE strings, each of its argument's type.
 
     Raises:
-        InvalidValueError: Not NAME:=VALUE, an unknown name, or a value of another type.
+        InvalidValueError: Not NAME:=VALUE, an unknown name, a value of another type, or a switch that is
+            neither true nor false.
     """
     known = {argument.name: argument for argument in valid}
     values: dict[str, str | int] = {}
@@ -60,11 +72,38 @@ def parse_arguments(
             raise InvalidValueError("an argument is written NAME:=VALUE", text, known)
         if name not in known:
             raise InvalidValueError("unknown argument", name, known)
+        if any(node.switch == name for node in NODES) and value not in ("true", "false"):
+            raise InvalidValueError(f"argument {name}", value, ["true", "false"])
         try:
             values[name] = type(known[name].default)(value)
         except ValueError:
             raise InvalidValueError(f"argument {name} takes a whole number", value) from None
     return values
+
+
+@contextmanager
+def _process(node: GraphNode, values: Mapping[str, str | int], settings: Sequence[str]) -> Iterator[None]:
+    """A node in a process of its own, which ends with this one, however that ends: it reads from a pipe."""
+    given = [f"{name}:={json.dumps(values[name])}" for name in node.arguments if name in values]
+    command = [sys.executable, "-m", __name__, node.name, *settings]
+    command += [argument for value in given for argument in ("-p", value)]
+    if values.get("namespace"):
+        command += ["-r", f"__ns:=/{str(values['namespace']).strip('/')}"]
+    # In a session of its own, Ctrl-C is for this one.
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
+    try:
+        yield
+    finally:
+        try:
+            process.communicate(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def _end_with_parent() -> None:
+    """Wait until the other end of the pipe is gone, and end as by Ctrl-C."""
+    os.read(sys.stdin.fileno(), 1)  # not its own read, whose lock would be held at the end
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
@@ -129,3 +168,9 @@ def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: st
 def _report(error: GestureBotError) -> int:
     print(f"gesture-bot: {error}", file=sys.stderr)
     return 1
+
+
+if __name__ == "__main__":
+    os.nice(10)  # the servo bus goes first
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    raise SystemExit(start_node(sys.argv.pop(1)))

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -30,6 +31,8 @@ class Operator(GestureNode):
 
     Attributes:
         owners: Who owns each joint, by its name; empty until that is heard.
+        joint_states: The subscription, once it follows.
+        ticking: The timer that moves the joints that are taken.
     """
 
     def __init__(self, name: str, **options: Any):
@@ -40,15 +43,15 @@ class Operator(GestureNode):
         self._stop = self.create_publisher(Bool, "stop", PLAN, event_callbacks=silent)
         self.owners: dict[str, str] = {}
 
-    def follow(self, robot: Robot) -> None:
-        """Listen to the robot's joints, and move those that are taken."""
+    def follow(self, robot: Robot, group: CallbackGroup | None = None) -> None:
+        """Listen to the robot's joints, their states in a callback group, and move those that are taken."""
         self.jog = Jog(robot.limits)
         self._columns = {joint: column for column, joint in enumerate(robot.joints)}
         self._positions = np.full(len(robot.joints), np.nan)
         self._measured_at = np.full(len(robot.joints), -np.inf)
-        self.listen(JointState, "joint_states", self._on_joint_state, NEWEST)
+        self.joint_states = self.listen(JointState, "joint_states", self._on_joint_state, NEWEST, group)
         self.listen(JointOwners, "motion_mux/owners", self._on_owners, STATE)
-        self.every(PERIOD, self._tick)
+        self.ticking = self.every(PERIOD, self._tick)
 
     @property
     def measured(self) -> np.ndarray:

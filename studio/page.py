@@ -1,0 +1,234 @@
+"""The page as a whole: what stands where, and how it follows the graph."""
+
+from collections.abc import Callable, Mapping
+from html import escape
+
+import numpy as np
+import viser
+
+from gesture_bot.matching.banks import Gesture
+from gesture_bot.matching.controls import Controls
+from gesture_bot.matching.emotions import Emotion
+from gesture_bot.retarget.robot import Robot
+from gesture_bot.studio import controls as control_sliders
+from gesture_bot.studio import feelings, strip, tables
+from gesture_bot.studio.arms import Arms
+from gesture_bot.studio.controls import ControlSliders
+from gesture_bot.studio.events import Events
+from gesture_bot.studio.feelings import Feelings
+from gesture_bot.studio.figures import Figure
+from gesture_bot.studio.scene import RobotView
+from gesture_bot.studio.steering import Steering
+from gesture_bot.studio.strip import Strip
+from gesture_bot.studio.tables import Facts
+
+RATE = 12.5
+"""Pictures a second."""
+
+EVERY_SLIDERS, EVERY_STRIP, EVERY_FACTS = 3, 5, 12
+"""So many pictures apart each is renewed. The strip moves on by itself in between."""
+
+LEFT, RIGHT, GAP = 262, 330, 10
+"""Widths of the docked panels, and the gap around the floating ones [pixels]."""
+
+CHOSEN, REFINED, TARGET = (150, 158, 168), (41, 155, 166), (240, 140, 60)
+"""Colors of the chosen keypoints, the refined ones, and the target of the retargeting."""
+
+BRAND = (41, 155, 166)
+
+STYLE = f"""
+[data-floating-window]:has(.studio-strip) {{ left: {LEFT + GAP}px !important;
+  width: calc(100% - {LEFT + RIGHT + 2 * GAP}px) !important; }}
+[data-floating-window]:has(.studio-stop) {{ background: none; box-shadow: none; width: 210px !important;
+  left: calc(50% + {(LEFT - RIGHT) // 2 - 105}px) !important; }}
+[data-floating-window]:has(.studio-stop) [data-dock-griphandle],
+[data-floating-window]:has(.studio-stop) [data-dock-strip],
+[data-floating-window]:has(.studio-stop) [data-dock-resize] {{ display: none !important; }}
+[data-floating-window]:has(.studio-stop) button {{ height: 46px !important;
+  font-size: 19px; font-weight: 700; }}
+div:has(> .studio-banner) {{ text-align: center; }}
+.studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px;
+  background: #fff0f0; color: #c92a2a; font-weight: 600; font-size: 13px; }}
+.studio-said {{ padding: 0 10px 6px; font-size: 12px; color: #c92a2a; }}
+div:has(> div > .studio-chips) {{ display: flex; flex-wrap: wrap; padding: 4px; }}
+div:has(> div > .studio-chips) > div {{ margin-inline: 2px !important; padding-bottom: 5px !important; }}
+div:has(> div > .studio-chips) button {{ padding-inline: 9px; }}
+.mantine-Notifications-root {{ top: 160px !important; }}
+"""
+
+
+class Page:
+    """One page for all browsers: what one of them changes, the others show.
+
+    Args:
+        server: The page's server.
+        robot: Which is seen.
+        emotions: Every emotion.
+        gestures: Of the semantic bank, by name.
+        controls: Of the database.
+        steering: Passes on what people do.
+
+    Attributes:
+        strip: The time strip, to be told what comes.
+        facts: What is known of the graph, to be kept up to date.
+        expression: The emotion in force.
+        chosen: The chosen keypoints.
+        refined: The refined keypoints.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        emotions: Mapping[str, Emotion],
+        gestures: Mapping[str, Gesture],
+        controls: Controls,
+        steering: Steering,
+    ):
+        self._server, self._robot, self._steering = server, robot, steering
+        self._events, self._ticks = Events(), 0
+        self.strip, self.facts, self.expression = Strip(), Facts(), ""
+        self._said = ""
+        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+        self._build_scene(server, robot)
+        self._build_left(server)
+        self._build_right(server, robot, emotions, gestures, controls)
+        self._build_strip(server)
+        self._build_stop(server)
+
+    @property
+    def browsers(self) -> int:
+        """How many browsers show it."""
+        return len(self._server.get_clients())
+
+    def deal(self) -> None:
+        """Do what people asked for since the last time, and tell them what went wrong."""
+        if self._events.waiting:
+            self._said = self._events.deal()
+            self._trouble.content = (
+                f'<div class="studio-said">{escape(self._said)}</div>' if self._said else ""
+            )
+
+    def show(
+        self, now: float, measured: np.ndarray, goals: np.ndarray, target: Callable[[], np.ndarray]
+    ) -> None:
+        """Bring the page up to date, RATE times a second; nothing is sent while no browser shows it.
+
+        Args:
+            now: [s since the epoch].
+            measured: (j,) where the joints are [rad]; NaN where that is not known.
+            goals: (j,) where those that are taken on this page are sent [rad]; NaN for others.
+            target: Tells (j,) where the retargeting wants them now [rad].
+        """
+        if not self.browsers:
+            return
+        self._ticks += 1
+        with self._server.atomic():
+            self._view.show(measured)
+            if self._ghost.root.visible:
+                self._ghost.show(target())
+            self.chosen.show(now)
+            self.refined.show(now)
+            if self._ticks % EVERY_SLIDERS == 0:
+                self._arms.show(measured, goals)
+                self._feelings.show(self.expression)
+                self._show_stop()
+            if self._ticks % EVERY_STRIP == 0:
+                self._strip.content = self.strip.html(now)
+            if self._ticks % EVERY_FACTS == 0:
+                self._table.content = self.facts.html(self._robot.joints)
+
+    def _build_scene(self, server: viser.ViserServer, robot: Robot) -> None:
+        self._view = RobotView(server, "/robot", robot)
+        self._ghost = RobotView(server, "/target", robot, ghost=TARGET)
+        self._ghost.root.visible = False
+        size = self._view.height
+        middle = self._view.floor + 0.45 * size
+        server.scene.world_axes.visible = False
+        server.scene.add_grid(
+            "/floor", width=8 * size, height=8 * size, cell_size=size / 4, section_size=size,
+            position=(0.0, 0.0, self._view.floor), cell_color=(225, 230, 235), section_color=(205, 212, 219),
+        )  # fmt: skip
+        server.initial_camera.position = (2.3 * size, 0.9 * size, middle + 0.5 * size)
+        server.initial_camera.look_at = (0.0, 0.0, middle - 0.04 * size)
+        self.chosen, self.refined = (
+            Figure(server, name, color, (-0.2 * size, side * size, middle), 0.65 * size)
+            for name, color, side in (("/chosen", CHOSEN, -0.85), ("/refined", REFINED, 0.85))
+        )
+
+    def _build_left(self, server: viser.ViserServer) -> None:
+        panel = server.gui.add_panel()
+        with panel.add_tab("Robot"):
+            for label, thing in (
+                ("chosen pose", self.chosen.root),
+                ("refined pose", self.refined.root),
+                ("robot's target", self._ghost.root),
+            ):
+                box = server.gui.add_checkbox(label, False)
+                box.on_update(self._events.on(label, lambda on, thing=thing: setattr(thing, "visible", on)))
+            self._table = server.gui.add_html("")
+        panel.dock_left()
+        panel.set_width(LEFT)
+
+    def _build_right(
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        emotions: Mapping[str, Emotion],
+        gestures: Mapping[str, Gesture],
+        controls: Controls,
+    ) -> None:
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(RIGHT)
+        self._trouble = server.gui.add_html("")
+        tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Speak"):
+            self._text = server.gui.add_text("text", "Hello, I am glad to see you.", multiline=True)
+            speak = server.gui.add_button("Speak", icon=viser.Icon.MESSAGE_CIRCLE)
+            speak.on_click(self._events.on("say", lambda _value: self._say()))
+            self._feelings = Feelings(server, emotions, self._events, self._steering)
+        with tabs.add_tab("Controls"):
+            ControlSliders(server, controls, self._events, self._steering)
+        with tabs.add_tab("Gestures"):
+            server.gui.add_html('<div class="studio-chips"></div>')
+            for name in gestures:
+                button = server.gui.add_button(name.replace("_", " "), color="gray")
+                button.on_click(self._events.on(name, lambda _value, name=name: self._steering.make(name)))
+        with tabs.add_tab("Take over"):
+            self._arms = Arms(server, robot, self._view, self._events, self._steering)
+
+    def _build_strip(self, server: viser.ViserServer) -> None:
+        panel = server.gui.add_panel()
+        with panel.add_tab("Time"):
+            self._strip = server.gui.add_html(self.strip.html(0.0))
+        panel.float(x=GAP, y=-GAP, width=500, height=strip.HEIGHT + 66)
+
+    def _build_stop(self, server: viser.ViserServer) -> None:
+        panel = server.gui.add_panel()
+        with panel.add_tab("Stop"):
+            styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE
+            server.gui.add_html(f'<div class="studio-stop"></div><style>{"".join(styles)}</style>')
+            stop = server.gui.add_button("STOP", color="red", icon=viser.Icon.HAND_STOP)
+            self._stopped = server.gui.add_html(
+                '<div class="studio-banner">stopped until reset</div>', visible=False
+            )
+            self._reset = server.gui.add_button("Reset", color="gray", visible=False)
+        panel.float(x=GAP, y=GAP, width=210)
+        key = server.gui.add_command("Stop the robot", hotkey="escape", icon=viser.Icon.HAND_STOP)
+
+        @stop.on_click
+        async def _(_event: object) -> None:
+            self._steering.stop()
+
+        @key.on_trigger
+        async def _(_event: object) -> None:
+            self._steering.stop()
+
+        self._reset.on_click(self._events.on("reset", lambda _value: self._steering.reset()))
+
+    def _show_stop(self) -> None:
+        self._stopped.visible = self._reset.visible = "stop" in self.facts.owners.values()
+
+    def _say(self) -> None:
+        if text := self._text.value.strip():
+            self._steering.say(text)

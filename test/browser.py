@@ -1,0 +1,37 @@
+"""The studio in a real browser, for its test and its benchmark."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from playwright.sync_api import Page, sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+"""WebGL without a graphics card; no sandbox, for root."""
+
+
+@contextmanager
+def open_pages(address: str, count: int = 1, size: tuple[int, int] = (1440, 900)) -> Iterator[list[Page]]:
+    """The studio in some windows of one browser, once all of it is there."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE))
+        try:
+            pages = []
+            for _ in range(count):
+                page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+                page.set_default_timeout(60_000)
+                page.goto(address)
+                page.wait_for_selector(".studio-facts")
+                page.wait_for_selector(".studio-pad")
+                pages.append(page)
+            yield pages
+        finally:
+            browser.close()
+
+
+def element(page: Page, label: str, kind: str = "input"):
+    """The input beside a label."""
+    row = page.get_by_text(label, exact=True).locator(f"xpath=ancestor::div[.//{kind}][1]")
+    return row.first.locator(f"{kind}:visible").first
