@@ -1,6 +1,7 @@
 """Taking over: each joint by a slider, each wrist by dragging it; what nobody takes goes on gesturing."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -78,7 +79,7 @@ class Arms:
                 joint.replace("_", " ").removeprefix(part.split()[0] + " ") + " [°]",
                 min=low, max=high, step=1, initial_value=min(max(0, low), high),
             )  # fmt: skip
-            slider.on_update(events.on(joint, lambda angle, joint=joint: self._go(joint, angle)))
+            slider.on_update(events.on(joint, partial(self._go, joint)))
             self._sliders[joint] = slider
 
     def _take(self, taking: bool, joints: tuple[str, ...]) -> None:

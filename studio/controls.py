@@ -78,10 +78,12 @@ class ControlSliders:
 
     def __init__(self, server: viser.ViserServer, controls: Controls, events: Events, steering: Steering):
         self._steering = steering
+        both: tuple[Hand, ...] = ("both",)
+        each: tuple[Hand, ...] = ("left", "right")
         self._ranges = [
             _Range(server, controls, quantity, hand)
             for quantity in QUANTITIES
-            for hand in (("both",) if quantity in TWO_HANDED else ("left", "right"))
+            for hand in (both if quantity in TWO_HANDED else each)
         ]
         for one in self._ranges:
             one.slider.on_update(events.on("controls", lambda _value: self._send()))

@@ -1,6 +1,7 @@
 """The page as a whole: what stands where, and how it follows the graph."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 
 import numpy as np
@@ -165,7 +166,7 @@ class Page:
                 ("robot's target", self._ghost.root),
             ):
                 box = server.gui.add_checkbox(label, False)
-                box.on_update(self._events.on(label, lambda on, thing=thing: setattr(thing, "visible", on)))
+                box.on_update(self._events.on(label, partial(setattr, thing, "visible")))
             self._table = server.gui.add_html("")
         panel.dock_left()
         panel.set_width(LEFT)
@@ -193,9 +194,12 @@ class Page:
             server.gui.add_html('<div class="studio-chips"></div>')
             for name in gestures:
                 button = server.gui.add_button(name.replace("_", " "), color="gray")
-                button.on_click(self._events.on(name, lambda _value, name=name: self._steering.make(name)))
+                button.on_click(self._events.on(name, partial(self._make, name)))
         with tabs.add_tab("Take over"):
             self._arms = Arms(server, robot, self._view, self._events, self._steering)
+
+    def _make(self, gesture: str, _value: object) -> None:
+        self._steering.make(gesture)
 
     def _build_strip(self, server: viser.ViserServer) -> None:
         panel = server.gui.add_panel()
