@@ -10,6 +10,7 @@ gesture-bot makes a social robot gesture while it speaks.
   gesture-bot doctor                          is all there that it needs; what to do where not
   gesture-bot demo                            a minute of a simulated robot that talks with its hands
   gesture-bot run                             the graph: it waits for text, and can be steered
+  gesture-bot run studio:=true                the same with a page in the browser
   gesture-bot run text:="Hello, I am glad to see you." emotion:=happy
 
 your robot
@@ -18,6 +19,8 @@ your robot
 your servos
   gesture-bot servos scan                     which there are
   gesture-bot servos check mine.yaml          what does not fit the robot's file
+keep what it did
+  gesture-bot record talk.mcap                beside a running graph; replay and export take it
 your recordings and gestures
   gesture-bot build-database recordings/ -o mine.safetensors
   gesture-bot bank preview hello              a gesture that falls on a word
