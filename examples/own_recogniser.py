@@ -5,10 +5,12 @@ This one hears "hello" and "goodbye", with pocketsphinx: python examples/own_rec
 
 import sys
 import tempfile
+from contextlib import suppress
 
 import numpy as np
 import rclpy
 from pocketsphinx import Decoder
+from rclpy.executors import ExternalShutdownException
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Duration, Time
 
@@ -47,4 +49,5 @@ words = node.create_publisher(Word, "speech/words", 100)
 stream = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 node.create_subscription(Audio, "speech/audio", hear, stream)
 print("listens", flush=True)
-rclpy.spin(node)
+with suppress(KeyboardInterrupt, ExternalShutdownException):
+    rclpy.spin(node)

@@ -13,14 +13,21 @@ SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swifts
 
 
 @contextmanager
-def open_pages(address: str, count: int = 1, size: tuple[int, int] = (1440, 900)) -> Iterator[list[Page]]:
-    """The studio in some windows of one browser, once all of it is there."""
+def open_pages(
+    address: str, count: int = 1, size: tuple[int, int] = (1440, 900), sharpness: float = 1.0
+) -> Iterator[list[Page]]:
+    """The studio in some windows of one browser, once all of it is there.
+
+    Without a graphics card, a picture of less sharpness takes far less time.
+    """
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE))
         try:
             pages = []
             for _ in range(count):
-                page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+                page = browser.new_page(
+                    viewport={"width": size[0], "height": size[1]}, device_scale_factor=sharpness
+                )
                 page.set_default_timeout(60_000)
                 page.goto(address)
                 page.wait_for_selector(".studio-facts")

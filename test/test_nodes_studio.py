@@ -46,7 +46,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
     def button(page, name):
         return page.get_by_role("button", name=name, exact=True)
 
-    with open_pages(address, 2, (1024, 768)) as (page, other):
+    with open_pages(address, 2, (1024, 768), 0.25) as (page, other):
         element(page, "text", "textarea").fill(f"Good morning {MARKUP}")
         button(page, "Speak").click()
         wait_until(lambda: len(record.words) > 1, 30, "the words")
