@@ -1,14 +1,12 @@
 """The joint that a virtual servo turns, without a body: a critically damped system, in closed form."""
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from gesture_bot.servo.models import RPM, Model
 
 
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """What a servo's position controller tells its motor for a while.
 
     Attributes:
