@@ -47,12 +47,11 @@ def run_graph(arguments: Sequence[str]) -> int:
         values = parse_arguments(arguments)
     except GestureBotError as error:
         return _report(error)
-    settings = ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
     with ExitStack() as beside:
         for node in NODES:
             if node.switch and values.get(node.switch) == "true":
-                beside.enter_context(_process(node, values, settings))
-        return _spin([node for node in NODES if not node.switch], values, settings)
+                beside.enter_context(_process(node, values, _settings()))
+        return _spin([node for node in NODES if not node.switch], values, _settings())
 
 
 def parse_arguments(
@@ -79,6 +78,11 @@ def parse_arguments(
         except ValueError:
             raise InvalidValueError(f"argument {name} takes a whole number", value) from None
     return values
+
+
+def _settings() -> list[str]:
+    """The ROS arguments that give the nodes of this package their parameters."""
+    return ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
 
 
 @contextmanager
@@ -161,8 +165,7 @@ def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: st
         given = parse_arguments(arguments, [a for a in (*ARGUMENTS, NAMESPACE) if a.name in used])
     except GestureBotError as error:
         return _report(error)
-    settings = ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
-    return _spin(nodes, {**given, **values}, settings)
+    return _spin(nodes, {**given, **values}, _settings())
 
 
 def _report(error: GestureBotError) -> int:

@@ -136,7 +136,7 @@ class Retargeter:
 
         At the first the joints are in `state`: (2, j).
         """
-        frames = smoothed(self._angles[start - CONTEXT - self._first_frame :])
+        frames = _smoothed(self._angles[start - CONTEXT - self._first_frame :])
         spline = CubicSpline(np.arange(len(frames)), frames, bc_type=("natural", "clamped"))
         moments = (ticks * FRAME_RATE - (start - CONTEXT) * TICK_RATE) / TICK_RATE
         moments = np.minimum(moments, len(frames) - 1)
@@ -147,7 +147,7 @@ class Retargeter:
         return (targets + np.stack(departure, axis=1))[1:]
 
 
-def smoothed(frames: np.ndarray) -> np.ndarray:
+def _smoothed(frames: np.ndarray) -> np.ndarray:
     """(n, j) angles, each but the first and last drawn to those before and after it [rad]."""
     bends = np.pad(np.diff(frames, 2, axis=0), ((1, 1), (0, 0)))
     return frames + SMOOTHING * bends
