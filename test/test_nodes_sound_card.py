@@ -42,17 +42,18 @@ def nodes(card, listener):
         yield listener
 
 
-def say(node, samples, begin, utterance=1):
-    """As speech_source does: announced, in pieces."""
+def say(node, samples, utterance=1):
+    """As speech_source does: announced, in pieces; the moment at which it is to be heard."""
     audio = node.create_publisher(Audio, "speech/audio", STREAM)
-    wait_until(lambda: node.count_subscribers("speech/audio") > 2, 30, "both nodes")
-    time.sleep(0.5)
+    wait_until(lambda: audio.get_subscription_count() > 2, 30, "both nodes")
+    begin = node.now() + 2.0
     for first in range(0, len(samples), PIECE):
         message = Audio(utterance=utterance, sample_rate=SAMPLE_RATE, last=first + PIECE >= len(samples))
         message.header.stamp, message.header.frame_id = stamp(begin + first / SAMPLE_RATE), "voice"
         message.samples.frombytes(samples[first : first + PIECE].astype(np.float32).tobytes())
         audio.publish(message)
         time.sleep(0.01)
+    return begin
 
 
 def played(card):
@@ -69,8 +70,7 @@ def heard(node):
 def test_speech_is_heard_at_its_moment_and_not_by_the_microphone(nodes, card):
     said = load_voice("embedded").speak("We count the boats on the river.").samples
     wait_until(lambda: len(heard(nodes)), 30, "the microphone")
-    begin = nodes.now() + 3.0
-    say(nodes, said, begin)
+    begin = say(nodes, said)
     end = begin + len(said) / SAMPLE_RATE
     wait_until(lambda: nodes.now() > end + 1.5, 20, "the end of the sentence")
 
@@ -95,8 +95,7 @@ def test_speech_is_heard_at_its_moment_and_not_by_the_microphone(nodes, card):
 
 def test_a_cut_silences_the_loudspeaker_and_opens_the_microphone(nodes, card):
     wait_until(lambda: len(heard(nodes)), 30, "the microphone")
-    begin = nodes.now() + 3.0
-    say(nodes, 0.5 * np.ones(4 * SAMPLE_RATE), begin)
+    begin = say(nodes, 0.5 * np.ones(4 * SAMPLE_RATE))
     wait_until(lambda: nodes.now() > begin + 0.5, 20, "speech")
     cuts = nodes.create_publisher(Cut, "speech/cut", PLAN)
     wait_until(lambda: cuts.get_subscription_count() > 1, 10, "both nodes on speech/cut")
