@@ -48,6 +48,7 @@ def _values(name: str) -> list[str]:
         "loudspeaker": ["default", "off"],
         "microphone": ["default", "off", "topic"],
         "database": ["demo"],
+        "model": ["shipped", "none"],
         "banks": ["shipped"],
         "port": ["virtual"],
         "rviz": ["true", "false"],

@@ -17,6 +17,7 @@ from gesture_bot.evaluate.control_table import (
     write_control_table,
 )
 from gesture_bot.evaluate.held_sentences import held_speech, with_pauses
+from gesture_bot.refine.model import load_model
 from gesture_bot.speech.audio import load_audio
 from gesture_bot.speech.streaming import speech_frames
 
@@ -33,6 +34,7 @@ _MM22 = {
 _NOTES = f"""
 Mean (standard deviation) in cm, of speeds in cm/s.
 windows  share of the database's windows that the control leaves
+short    what is missing to the threshold, on average over all frames
 free     the same quantity without the control
 varies   the deviation as a share of the free one; in brackets, that of all windows left
 hands    how far the wrists go from their mean places, as a share of the free motion
@@ -51,10 +53,19 @@ def command(options: argparse.Namespace) -> int:
     """
     files = options.speech
     samples = with_pauses(load_audio(file) for file in files) if files else held_speech()
-    rows = control_table(load_database(options.database), speech_frames(samples))
+    database = load_database(options.database)
+    model = load_model(options.model, database)
+    rows = control_table(database, speech_frames(samples), model)
     console = Console(highlight=False, markup=False, width=_WIDTH)
     console.print(_table("Found by the search", rows, [row.found for row in rows], 1))
-    console.print(_table("After refinement", rows, [row.refined for row in rows], 2))
+    console.print(
+        _table(
+            f"After {'refinement by the network' if model else 'smoothing'}",
+            rows,
+            [row.refined for row in rows],
+            2,
+        )
+    )
     console.print(_NOTES)
     for row in rows:
         console.print(f"{row.name:<10} {row.constraint}")
@@ -69,7 +80,7 @@ def command(options: argparse.Namespace) -> int:
 
 def _table(title: str, rows: Sequence[Row], outcomes: Sequence[Outcome], mm22: int) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for column in ("", "threshold", "windows", "mean", "free", "varies", "hands", "holds", "MM22"):
+    for column in ("", "threshold", "windows", "mean", "short", "free", "varies", "hands", "holds", "MM22"):
         table.add_column(column, no_wrap=True, justify="left" if column in ("", "holds") else "right")
     for row, outcome in zip(rows, outcomes, strict=True):
         missed = row.missed(outcome)
@@ -80,6 +91,7 @@ def _table(title: str, rows: Sequence[Row], outcomes: Sequence[Outcome], mm22: i
             f"{100 * row.threshold:.1f}",
             f"{row.share:.1%}",
             _cm(outcome.controlled),
+            f"{100 * outcome.short:.1f}",
             _cm(outcome.free),
             f"{outcome.variation:.0%} ({possible:.0%})",
             f"{outcome.hands:.0%}",

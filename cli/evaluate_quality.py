@@ -38,7 +38,7 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError(
             "a database of yours is judged by recordings that it does not hold: --speech FILE ..."
         )
-    model = load_model(options.model, database) if options.model else None
+    model = load_model(options.model, database)
     quality = quality_table(database, performances, model)
     print(markdown(quality), _notes(quality), sep="\n\n")
     if options.output:

@@ -230,9 +230,14 @@ def command_line() -> argparse.ArgumentParser:
         "--speech", nargs="+", type=Path, default=[], metavar="FILE",
         help="recordings of motion with sound or speech features (held-out sentences of the demo speaker)",
     )  # fmt: skip
-    quality.add_argument(
-        "--model", type=Path, metavar="MODEL.onnx", help="refinement network, as one more system"
-    )
+    model = next(argument for argument in ARGUMENTS if argument.name == "model")
+    for measure in (controls, quality):
+        measure.add_argument(
+            "--model",
+            default=model.default,
+            metavar="NAME|FILE",
+            help=f"{model.description} ({model.default})",
+        )
     quality.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="write CSV, Markdown and plots")
     quality.set_defaults(module="evaluate_quality")
 

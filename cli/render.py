@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
@@ -35,8 +34,8 @@ def command(options: argparse.Namespace) -> int:
     Args:
         options: speech, the sound file; output, .bvh (the human skeleton, 15 frames a second), .csv (joint
             angles [rad], 50 a second) or .gif; database, a file or "demo"; emotion, a name of
-            config/emotions.yaml; robot, of config/robots or a YAML file; model, a file of
-            `gesture-bot train`, or ""; seed of everything drawn at random.
+            config/emotions.yaml; robot, of config/robots or a YAML file; model, as for
+            model.load_model; seed of everything drawn at random.
 
     Raises:
         GestureBotError: A file, name or format that is not valid.
@@ -47,7 +46,7 @@ def command(options: argparse.Namespace) -> int:
     samples = load_audio(options.speech)
     robot = load_robot(options.robot)
     database = load_database(options.database)
-    model = load_model(Path(options.model), database) if options.model else None
+    model = load_model(options.model, database)
     selector = Selector(
         database,
         emotions=load_emotions(),

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.files import cache_dir
 from gesture_bot.corpus.database import Database
 from gesture_bot.corpus.recordings import Recording, build_database
@@ -62,10 +63,11 @@ PROVENANCE = {
 
 
 def load_database(name: str) -> Database:
-    """The database in a file or, named "demo", the demo corpus.
+    """The database in a file or, named "demo", the demo corpus; see database_path.
 
     Raises:
         FileFormatError: See Database.load.
+        InvalidValueError: See database_path.
     """
     path = database_path(name)
     # The nodes of a process share it, until its file is written anew.
@@ -78,21 +80,30 @@ def _loaded(path: Path, written: int) -> Database:
 
 
 def database_path(name: str) -> Path:
-    """The file of a database, or of the demo corpus."""
-    return demo_database() if name == "demo" else Path(name)
+    """The file of a database, or of the demo corpus: "demo", or a longer one of N rounds, "demo:N".
+
+    Raises:
+        InvalidValueError: N is no number of rounds.
+    """
+    demo, colon, rounds = name.partition(":")
+    if demo != "demo" or Path(name).exists():
+        return Path(name)
+    if colon and not (rounds.isdecimal() and int(rounds)):
+        raise InvalidValueError("number of rounds of the demo corpus", rounds, ["1 and more"])
+    return demo_database(int(rounds)) if colon else demo_database()
 
 
-def demo_database() -> Path:
-    """The demo corpus's file, built on first use.
+def demo_database(rounds: int = ROUNDS) -> Path:
+    """The demo corpus's file, built on first use; a round says every sentence once, some 20 minutes.
 
     Two processes that come first build it twice; each puts the same whole file in place.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    path = cache_dir() / f"demo-{_fingerprint()}.safetensors"
+    path = cache_dir() / f"demo-{rounds}-{_fingerprint()}.safetensors"
     if not path.exists():
-        demo_corpus(SENTENCES, rounds=ROUNDS).save(path)
+        demo_corpus(SENTENCES, rounds=rounds).save(path)
     return path
 
 

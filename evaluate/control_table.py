@@ -19,6 +19,7 @@ from gesture_bot.matching.emotions import NEUTRAL
 from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.matching.search import eligible
 from gesture_bot.matching.selector import Selector
+from gesture_bot.refine.model import RefinementModel
 from gesture_bot.refine.offline import spoken_motion
 from gesture_bot.speech.streaming import SpeechFrame
 
@@ -39,9 +40,6 @@ NEAR = 0.1
 
 LIVELY = 0.4
 """Least variation, as a share of that without a control: with less, the robot looks stuck."""
-
-
-"""No emotion takes part: all motion of the database may be chosen."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +67,13 @@ class Outcome:
         controlled: Under the control.
         free: Without.
         hands: How far the wrists go from their mean places, as a share of how far they go without it.
+        short: Mean over the frames of what is missing to the threshold, 0 for those that keep it [m or m/s].
     """
 
     controlled: Spread
     free: Spread
     hands: float
+    short: float
 
     @property
     def variation(self) -> float:
@@ -127,12 +127,15 @@ class _Motion:
     refined: np.ndarray
     spoken: np.ndarray
 
-    def outcome(self, free: "_Motion", constraint: Constraint, refined: bool) -> Outcome:
+    def outcome(self, free: "_Motion", constraint: Constraint, threshold: float, refined: bool) -> Outcome:
         """What became of a constraint's quantity, beside a motion without it."""
+        values = self.values(constraint, refined)
+        missing = threshold - values if constraint.bound == "at_least" else values - threshold
         return Outcome(
-            controlled=Spread.of(self.values(constraint, refined)),
+            controlled=Spread.of(values),
             free=Spread.of(free.values(constraint, refined)),
             hands=self.reach(refined) / free.reach(refined),
+            short=float(np.maximum(missing, 0).mean()),
         )
 
     def values(self, constraint: Constraint, refined: bool) -> np.ndarray:
@@ -148,19 +151,22 @@ class _Motion:
         return float(np.sqrt(keypoints[:, WRISTS].var(axis=0).sum()))
 
 
-def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row]:
+def control_table(
+    database: Database, speech: Sequence[SpeechFrame], model: RefinementModel | None = None
+) -> list[Row]:
     """Make motion for speech under each of CONTROLS and without any, and measure it.
 
     Args:
         database: Where the motion comes from.
         speech: Its frames; see speech/streaming.py.
+        model: The network that refines; without one, windows are smoothed.
 
     Raises:
         InvalidValueError: There is no speech, or nothing moves to it.
     """
     selector = Selector(database, gestures={}, emotions=NEUTRAL)
     controls, measured = Controls(database), measure(database)
-    free = _motion(selector, speech)
+    free = _motion(selector, speech, model)
     if free.reach(refined=False) == 0:
         raise InvalidValueError("no hand moves in the database: there is nothing to measure")
     rows = []
@@ -169,25 +175,25 @@ def control_table(database: Database, speech: Sequence[SpeechFrame]) -> list[Row
         left = database.starts[sequences, None] + frames[:, None] + np.arange(WINDOW)
         selector = Selector(database, gestures={}, emotions=NEUTRAL)
         selector.set_controls([constraint])
-        motion = _motion(selector, speech)
+        motion, threshold = _motion(selector, speech, model), controls.threshold(constraint)
         rows.append(
             Row(
                 name=name,
                 constraint=constraint,
-                threshold=controls.threshold(constraint),
+                threshold=threshold,
                 share=selector.eligible,
                 left=Spread.of(measured[constraint.quantity][_hand(constraint)][left]),
-                found=motion.outcome(free, constraint, refined=False),
-                refined=motion.outcome(free, constraint, refined=True),
+                found=motion.outcome(free, constraint, threshold, refined=False),
+                refined=motion.outcome(free, constraint, threshold, refined=True),
                 relaxed=selector.relaxed,
             )
         )
     return rows
 
 
-def _motion(selector: Selector, speech: Sequence[SpeechFrame]) -> _Motion:
+def _motion(selector: Selector, speech: Sequence[SpeechFrame], model: RefinementModel | None) -> _Motion:
     """Walk speech through search and refinement, as the nodes do."""
-    motion = spoken_motion(selector, speech)
+    motion = spoken_motion(selector, speech, model)
     return _Motion([window.keypoints for window in motion.windows], motion.refined.keypoints, motion.spoken)
 
 
@@ -233,6 +239,7 @@ def _line(row: Row) -> dict[str, object]:
             f"{stage}_free_deviation": outcome.free.deviation,
             f"{stage}_variation": outcome.variation,
             f"{stage}_hands": outcome.hands,
+            f"{stage}_short": outcome.short,
             f"{stage}_missed": " and ".join(row.missed(outcome)),
         }
     return line

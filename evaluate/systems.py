@@ -82,7 +82,7 @@ def _shown(selector: Selector, model: RefinementModel | None, performance: Perfo
         found = KeypointClip(window.start, window.keypoints)
         clips = [found, smoothed]
         if network:
-            clips.append(network.push(found, window.source))
+            clips.append(network.push(found, window.source, window.kept))
         for made, clip in zip(kinds, clips, strict=True):
             made.update(enumerate(clip.keypoints, clip.start))
         seams = [seam for seam in seams if seam < window.start]

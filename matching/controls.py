@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -135,12 +135,14 @@ class Admission:
         sequences: Sequences that have an eligible window under it.
         share: Share of all windows of the database that are eligible.
         relaxed: What had to give way, in words; empty where everything is kept.
+        kept: The bounds as they are kept, with thresholds in the units of their quantities.
     """
 
     mask: np.ndarray
     sequences: int
     share: float
     relaxed: tuple[str, ...]
+    kept: tuple[Constraint, ...] = ()
 
     def without(self, shown: Iterable[tuple[int, int]]) -> np.ndarray:
         """The mask without windows that were shown, as long as MAX_K sequences stay eligible.
@@ -215,18 +217,21 @@ class Controls:
             background: What gives way before any of it: an emotion.
         """
         mask = np.ones((len(self._database.starts), SEQUENCE), bool)
-        relaxed = []
+        relaxed, kept = [], []
         for demand in (*_strongest_first(demands), *_strongest_first(background)):
             wanted = mask & self.mask(demand)
             if _sequences(wanted) >= min(FEWEST, len(mask)):
                 mask = wanted
+                if isinstance(demand, Constraint):
+                    kept.append(replace(demand, value=self.threshold(demand), unit="value"))
             elif isinstance(demand, Constraint):
                 percentile, threshold, mask = self._nearest(demand, mask)
                 unit = UNITS[demand.quantity]
                 relaxed.append(f"{demand}: relaxed to {threshold:.2f} {unit}, percentile {percentile:.1f}")
+                kept.append(replace(demand, value=threshold, unit="value"))
             else:
                 relaxed.append(f"{demand}: dropped")
-        return Admission(mask, _sequences(mask), float(eligible(mask).mean()), tuple(relaxed))
+        return Admission(mask, _sequences(mask), float(eligible(mask).mean()), tuple(relaxed), tuple(kept))
 
     def _hands(self, constraint: Constraint) -> np.ndarray:
         """(1 or 2, N) the quantity of the hands that a constraint bounds."""

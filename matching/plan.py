@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from gesture_bot.base.frames import FRAME_RATE, KeypointClip
+from gesture_bot.matching.controls import Constraint
 
 Source = Literal["speech", "rest", "bank"]
 
@@ -28,6 +29,7 @@ class Window(KeypointClip):
         amplitude: How far the arms of the last frame go from rest, against the recording.
         stroke: When the gesture's stroke is to be seen, at its word or later [s since the epoch]; NaN where
             there is none. The keyframe of the stroke is strokes.lead earlier.
+        kept: Bounds that the search kept; see controls.Admission.
     """
 
     source: Source
@@ -40,6 +42,7 @@ class Window(KeypointClip):
     shown: np.ndarray = field(default_factory=lambda: np.zeros(0))
     amplitude: float = 1.0
     stroke: float = np.nan
+    kept: tuple[Constraint, ...] = ()
 
 
 class Plan:

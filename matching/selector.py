@@ -272,6 +272,7 @@ class Selector:
             candidates=match.candidates,
             shown=shown,
             amplitude=amplitude,
+            kept=self._admission.kept,
         )
 
     def _shown(self, match: Match, start: int, frames: int, tempo: float) -> np.ndarray:

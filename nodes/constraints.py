@@ -1,5 +1,7 @@
 """Between messages of constraints and those that the matching room works on."""
 
+from collections.abc import Sequence
+
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.corpus.database import LABELS
 from gesture_bot.matching.controls import Constraint, Demand, LabelConstraint
@@ -19,6 +21,16 @@ def constraint_from(message: ConstraintMessage) -> Demand:
     if message.quantity not in QUANTITIES:
         raise InvalidValueError("unknown quantity of a control", message.quantity, (*QUANTITIES, *LABELS))
     return Constraint(message.quantity, message.bound, message.value, message.hand, message.unit, **common)
+
+
+def bounds_from(messages: Sequence[ConstraintMessage]) -> list[Constraint]:
+    """Those constraints that are bounds.
+
+    Raises:
+        InvalidValueError: See constraint_from.
+    """
+    demands = [constraint_from(message) for message in messages]
+    return [demand for demand in demands if isinstance(demand, Constraint)]
 
 
 def constraint_to(constraint: Demand) -> ConstraintMessage:

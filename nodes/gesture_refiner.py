@@ -1,6 +1,5 @@
 """Chosen windows and speech features in, one continuous motion out."""
 
-from pathlib import Path
 from typing import Any
 
 from gesture_bot.base.errors import GestureBotError
@@ -9,10 +8,11 @@ from gesture_bot.corpus.database import SEQUENCE
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.hearing import Hearing
 from gesture_bot.msg import Cut, GestureWindow, SelectorState, SpeechFeatures
+from gesture_bot.nodes.constraints import bounds_from
 from gesture_bot.nodes.messages import clip_from, clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds
 from gesture_bot.nodes.placing import Placing, hear
-from gesture_bot.refine.model import load_model
+from gesture_bot.refine.model import SHIPPED, load_model
 from gesture_bot.refine.smoothing import WindowSmoother
 from gesture_bot.refine.streaming import NetworkRefiner
 
@@ -23,21 +23,20 @@ class GestureRefiner(GestureNode):
     def __init__(self, name: str = "gesture_refiner", **options: Any):
         super().__init__(name, **options)
         database = self.parameter(
-            "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
+            "database",
+            "demo",
+            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
         )
         model = self.parameter(
             "model",
-            "",
-            "Refinement network for the database: a file of `gesture-bot train`; empty: smoothing",
+            SHIPPED,
+            "Refinement network: a file of `gesture-bot train`, 'shipped' (if it fits the database), 'none'",
         )
         self._smoother = WindowSmoother()
         self._network: NetworkRefiner | None = None
         self._trouble: list[str] = []
         self._windows = self._late = 0
-        if model:
-            self._load(model, database)
-        else:
-            self.get_logger().info("no model: windows are smoothed, no network refines them")
+        self._load(model, database)
         self._publisher = self.create_publisher(GestureWindow, "gesture/refined", PLAN)
         self.listen(GestureWindow, "gesture/selected", self._on_window, PLAN)
         self.every(1.0, self._report)
@@ -46,10 +45,13 @@ class GestureRefiner(GestureNode):
     def _load(self, model: str, database: str) -> None:
         try:
             loaded = load_database(database)
-            network = load_model(Path(model), loaded)
+            network = load_model(model, loaded)
         except GestureBotError as error:
             self._trouble = [f"smooths, since the model cannot be used: {error}"]
             self.get_logger().warning(self._trouble[0])
+            return
+        if network is None:
+            self.get_logger().info(f"model {model}: windows are smoothed, no network refines them")
             return
         self._hearing, self._placing = Hearing(loaded), Placing()
         self._network = NetworkRefiner(network, self._hearing)
@@ -69,17 +71,18 @@ class GestureRefiner(GestureNode):
         self._placing.look_ahead = state.look_ahead
 
     def _on_window(self, message: GestureWindow) -> None:
-        refined = clip_to(self._refined(clip_from(message), message.source), message.source)
+        refined = clip_to(self._refined(message), message.source)
         refined.name = message.name
         self._publisher.publish(refined)
         self._windows += 1
         self._late += seconds(message.header.stamp) < self.now()
 
-    def _refined(self, clip: KeypointClip, source: str) -> KeypointClip:
+    def _refined(self, message: GestureWindow) -> KeypointClip:
+        clip = clip_from(message)
         if self._network is None:
             return self._smoother.push(clip)
         self._hearing.forget(clip.start - SEQUENCE)
-        return self._network.push(clip, source)
+        return self._network.push(clip, message.source, bounds_from(message.kept))
 
     def _report(self) -> None:
         troubles = [*self._trouble, *self.errors()]

@@ -25,7 +25,9 @@ class GestureSelector(GestureNode):
     def __init__(self, name: str = "gesture_selector", **options: Any):
         super().__init__(name, **options)
         database = self.parameter(
-            "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
+            "database",
+            "demo",
+            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
         )
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         emotion = self.parameter("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml")
@@ -177,4 +179,5 @@ def _message(window: Window) -> GestureWindow:
     message.sequence, message.frame = window.sequence, window.frame
     message.pose_distance, message.audio_distance = window.pose_distance, window.audio_distance
     message.candidates = window.candidates
+    message.kept = [constraint_to(constraint) for constraint in window.kept]
     return message

@@ -43,11 +43,13 @@ ARGUMENTS = (
         "off",
         "Where others are heard: 'off', 'default', a part of a sound card's name, or 'topic' (audio_common)",
     ),
-    Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
+    Argument(
+        "database", "demo", "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one"
+    ),
     Argument(
         "model",
-        "",
-        "Refinement network for the database: a file of `gesture-bot train`; empty: smoothing",
+        "shipped",
+        "Refinement network: a file of `gesture-bot train`, 'shipped' (if it fits the database), 'none'",
     ),
     Argument("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'"),
     Argument("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml"),

@@ -57,7 +57,9 @@ class Studio(Operator):
             self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file")
         )
         database = self.parameter(
-            "database", "demo", "Gesture database: a file, or 'demo' (built on first use)"
+            "database",
+            "demo",
+            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
         )
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         address = self.parameter("studio_address", "127.0.0.1:8080", "Where the page is: HOST:PORT")

@@ -11,10 +11,14 @@ from torch.optim import swa_utils
 
 from gesture_bot.base.errors import TrainingError
 from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.refine.missed import Missed
 from gesture_bot.refine.networks import Critic, Generator
 
 W_FOUND, W_ADVERSARIAL = 0.1, 1.0
 """Weights of the losses (MM22)."""
+
+W_MISSED = 10.0
+"""Weight of what a gesture misses a bound by; as strong then as the critic."""
 
 BETAS = (0.0, 0.9)
 """Of Adam (MM22's code)."""
@@ -24,6 +28,9 @@ AVERAGED = 0.999
 
 Not in the paper; see Yazici et al. 2019, The Unusual Effectiveness of Averaging in GAN Training.
 """
+
+STEERED = 2
+"""Which of the gestures that were found is found under controls; see pairs.Walk."""
 
 SLOWEST = 1e-3
 """Velocities and accelerations that hardly differ count as differing so much [deviations a frame]."""
@@ -42,6 +49,7 @@ class Recipe:
         critic_steps: Iterations from one step of the generator to the next.
         critic_share: Share of the critic's channels, beside the width.
         motion: Whether the critic sees velocity and acceleration, and no norm; see networks.Critic.
+        controls: Whether the networks see the controls, and learn to keep to them.
     """
 
     rate: float
@@ -49,13 +57,15 @@ class Recipe:
     critic_steps: int
     critic_share: float
     motion: bool
+    controls: bool
 
 
 RECIPES = {
-    "paper": Recipe(rate=1e-4, penalty=100, critic_steps=5, critic_share=1, motion=False),
-    "light": Recipe(rate=3e-4, penalty=10, critic_steps=3, critic_share=0.5, motion=True),
+    "paper": Recipe(1e-4, penalty=100, critic_steps=5, critic_share=1, motion=False, controls=False),
+    "light": Recipe(3e-4, penalty=10, critic_steps=3, critic_share=0.5, motion=True, controls=False),
+    "steered": Recipe(3e-4, penalty=10, critic_steps=3, critic_share=0.5, motion=True, controls=True),
 }
-"""MM22 (critic steps: the authors' code), and one for a processor."""
+"""MM22 (critic steps: the authors' code); one for a processor; and that with controls."""
 
 
 class Gan:
@@ -67,7 +77,9 @@ class Gan:
     Args:
         sound: (n, 28) z-scored features.
         gesture: (n, 48) z-scored bone vectors of the same frames.
-        found: (2, n, 48) what the search found for them; see pairs.Walk.
+        found: (3, n, 48) what the search found for them; see pairs.Walk.
+        controls: (n, 32) under which it found the third of these, which the gesture keeps.
+        missed: Tells by how much gestures miss them; see missed.Missed.
         starts: (w,) first frames of windows of what was found.
         later: (w,) how many frames later at most a window of real motion, with its sound, may start: there
             are so many more of them.
@@ -78,8 +90,9 @@ class Gan:
     """
 
     def __init__(
-        self, sound: np.ndarray, gesture: np.ndarray, found: np.ndarray, starts: np.ndarray,
-        later: np.ndarray, recipe: str, width: float, batch: int, seed: int,
+        self, sound: np.ndarray, gesture: np.ndarray, found: np.ndarray, controls: np.ndarray,
+        missed: Missed, starts: np.ndarray, later: np.ndarray, recipe: str, width: float, batch: int,
+        seed: int,
     ) -> None:  # fmt: skip
         torch.manual_seed(seed)
         self._rank = distributed.get_rank() if distributed.is_initialized() else 0
@@ -88,14 +101,18 @@ class Gan:
             self._device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))  # of torchrun
             torch.cuda.set_device(self._device)
             torch.backends.cudnn.deterministic = True
-        self._sound, self._gesture, self._found = (self._tensor(rows) for rows in (sound, gesture, found))
+        self._sound, self._gesture, self._found, self._controls = (
+            self._tensor(rows) for rows in (sound, gesture, found, controls)
+        )
+        self._missed = missed.to(self._device)
         self._windows, self._later = starts[:, None] + np.arange(SEQUENCE), later
         self._recipe, self._batch, self._seed = RECIPES[recipe], batch, seed
         real = self._gesture[self._tensor(self._windows)]
         motion = torch.stack([real.diff(n=order, dim=1).std(dim=(0, 1)) for order in (1, 2)])
         motion = motion.clamp_min(SLOWEST) if self._recipe.motion else None
-        self.generator = Generator(width).to(self._device)
-        self.critic = Critic(width * self._recipe.critic_share, motion).to(self._device)
+        steered = self._recipe.controls
+        self.generator = Generator(width, steered).to(self._device)
+        self.critic = Critic(width * self._recipe.critic_share, steered, motion).to(self._device)
         self.averaged = swa_utils.AveragedModel(self.generator, avg_fn=_average, use_buffers=True).eval()
         self._adams = [
             torch.optim.Adam(network.parameters(), self._recipe.rate, BETAS)
@@ -117,33 +134,32 @@ class Gan:
         random = np.random.default_rng([self._seed, self._rank, iteration])
         drawn = random.integers(len(self._windows), size=self._batch)
         later = random.integers(self._later[drawn] + 1)[:, None]
-        # Half of the gestures are the best match, half another of the first 15.
-        kinds = self._tensor(random.integers(2, size=self._batch))[:, None]
+        # As many gestures are the best match as are others of the first 15 (MM22) and, last, under controls.
+        kinds = self._tensor(random.integers(2 + self._recipe.controls, size=self._batch))[:, None]
         windows, shifted = (self._tensor(self._windows[drawn] + frames) for frames in (0, later))
-        sound, found, spoken, gesture = (
-            rows.transpose(1, 2)
-            for rows in (
-                self._sound[windows],
-                self._found[kinds, windows],
-                self._sound[shifted],
-                self._gesture[shifted],
-            )
+        controls, spoken_controls = (
+            self._controls[rows] * (kinds == STEERED)[..., None] for rows in (windows, shifted)
         )
+        found, gesture = self._found[kinds, windows].mT, self._gesture[shifted].mT
+        heard, spoken = self._heard(windows, controls), self._heard(shifted, spoken_controls)
         mix = self._tensor(random.random((self._batch, 1, 1), np.float32))
         with torch.no_grad():
-            real, made = self.critic.seen(gesture), self.critic.seen(self.generator(sound, found))
-        distance = self.critic(spoken, real).mean() - self.critic(sound, made).mean()
-        penalty = self._penalty(torch.lerp(spoken, sound, mix), torch.lerp(real, made, mix))
+            real, made = self.critic.seen(gesture), self.critic.seen(self.generator(heard, found))
+        distance = self.critic(spoken, real).mean() - self.critic(heard, made).mean()
+        penalty = self._penalty(torch.lerp(spoken, heard, mix), torch.lerp(real, made, mix))
         loss = self._recipe.penalty * penalty - W_ADVERSARIAL * distance
         norm = self._descend(self.critic, self._adams[1], loss)
         losses = {"distance": distance.item(), "penalty": penalty.item(), "critic_gradient": norm}
         if iteration % self._recipe.critic_steps == 0:
-            refined = self.generator(sound, found)
+            refined = self.generator(heard, found)
             change = (refined - found).abs().mean()
-            loss = W_FOUND * change - W_ADVERSARIAL * self.critic(sound, self.critic.seen(refined)).mean()
+            missed = self._missed(refined, controls.mT) if self._recipe.controls else torch.zeros(())
+            adversarial = -self.critic(heard, self.critic.seen(refined)).mean()
+            loss = W_FOUND * change + W_ADVERSARIAL * adversarial + W_MISSED * missed
             norm = self._descend(self.generator, self._adams[0], loss)
             self.averaged.update_parameters(self.generator)
-            losses |= {"change": change.item(), "generator_loss": loss.item(), "generator_gradient": norm}
+            losses |= {"change": change.item(), "missed": missed.item()}
+            losses |= {"generator_loss": loss.item(), "generator_gradient": norm}
         for name, value in losses.items():
             if not abs(value) <= LARGEST_GRADIENT:
                 raise TrainingError(
@@ -151,10 +167,10 @@ class Gan:
                 )
         return losses
 
-    def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """The averaged generator: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""
+    def run(self, heard: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """The averaged generator; see model.Network."""
         with torch.no_grad():
-            return self.averaged(self._tensor(sound), self._tensor(found)).cpu().numpy()
+            return self.averaged(self._tensor(heard), self._tensor(found)).cpu().numpy()
 
     def state(self) -> dict[str, Any]:
         """All that changes in training."""
@@ -173,10 +189,15 @@ class Gan:
         for adam, saved in zip(self._adams, state["optimisers"], strict=True):
             adam.load_state_dict(saved)
 
-    def _penalty(self, sound: torch.Tensor, between: torch.Tensor) -> torch.Tensor:
+    def _heard(self, rows: torch.Tensor, controls: torch.Tensor) -> torch.Tensor:
+        """Sound of rows (b, 64) and, where the networks see them, controls (b, 64, 32): channels first."""
+        sound = self._sound[rows]
+        return (torch.cat([sound, controls], dim=-1) if self._recipe.controls else sound).mT
+
+    def _penalty(self, heard: torch.Tensor, between: torch.Tensor) -> torch.Tensor:
         """How far the critic's slope is from 1, between real and made gestures (Gulrajani et al. 2017)."""
         between.requires_grad_()
-        (slope,) = torch.autograd.grad(self.critic(sound, between).sum(), between, create_graph=True)
+        (slope,) = torch.autograd.grad(self.critic(heard, between).sum(), between, create_graph=True)
         return ((slope.flatten(1).norm(dim=1) - 1) ** 2).mean()
 
     def _descend(self, network: nn.Module, adam: torch.optim.Adam, loss: torch.Tensor) -> float:

@@ -9,6 +9,7 @@ import onnxruntime
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gesture_bot.base.errors import FileFormatError
+from gesture_bot.base.files import config_dir
 from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.base.keypoints import (
     BONES,
@@ -19,18 +20,28 @@ from gesture_bot.base.keypoints import (
     with_bone_lengths,
 )
 from gesture_bot.corpus.database import Database
+from gesture_bot.matching.quantities import QUANTITIES, measure
 
 ENTRY = "gesture_bot model"
 """Of the ONNX file's metadata; it holds a Card as JSON."""
 
-FARTHEST = 0.1
+VERSION = 2
+"""Of the format."""
+
+SHIPPED, NONE = "shipped", "none"
+"""Names of networks that are no files."""
+
+FARTHEST = 0.25
 """The database of a model and the one in use may differ so much in mean and deviation [deviations].
 
-The demo corpus, built again on another machine, differs in the last bits alone.
+Two demo corpora, of 2 and of 8 rounds, differ by 0.13.
 """
 
 Network = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(w, 28, 64) sound and (w, 48, 64) gesture found -> (w, 48, 64) gesture, float32, all z-scored."""
+"""(w, 28, 64) sound, or (w, 60, 64) sound and controls, and (w, 48, 64) gesture found -> (w, 48, 64) gesture.
+
+All float32 and z-scored.
+"""
 
 LEAST_DEVIATION = 1e-3
 """A number that hardly changes counts as changing so much; hips are at rest in the pelvis frame [m]."""
@@ -46,6 +57,8 @@ class Card(BaseModel):
         keypoint_mean, keypoint_deviation: (17, 3) of the database that it was trained on [m].
         feature_mean, feature_deviation: (28,) of that database; z-scores the sound.
         bone_mean, bone_deviation: (16, 3) of the bones' vectors; z-scores the gesture [m].
+        quantity_mean, quantity_deviation: (8,) of what the controls bound; z-scores their thresholds.
+        controls: Whether the network sees the controls.
         provenance: Where that database comes from: its metadata.
         settings: With which it was trained.
         training: How far it was, and how good it was then.
@@ -53,7 +66,7 @@ class Card(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    version: int = 1
+    version: int = VERSION
     skeleton: tuple[str, ...] = KEYPOINTS
     frame_rate: int = FRAME_RATE
     keypoint_mean: list[list[float]]
@@ -62,14 +75,20 @@ class Card(BaseModel):
     feature_deviation: list[float]
     bone_mean: list[list[float]]
     bone_deviation: list[list[float]]
+    quantity_mean: list[float]
+    quantity_deviation: list[float]
+    controls: bool
     provenance: dict[str, Any]
     settings: dict[str, Any]
     training: dict[str, Any]
 
     @classmethod
-    def of(cls, database: Database, rows: np.ndarray, settings: dict[str, Any]) -> Self:
+    def of(cls, database: Database, rows: np.ndarray, controls: bool, settings: dict[str, Any]) -> Self:
         """The card of a model that is to be trained on rows of a database."""
-        bones = bone_vectors(database.keypoints[np.unique(rows)].astype(np.float64))
+        rows = np.unique(rows)
+        bones = bone_vectors(database.keypoints[rows].astype(np.float64))
+        measured = measure(database)
+        quantities = np.concatenate([measured[quantity] for quantity in QUANTITIES])[:, rows]
         return cls(
             keypoint_mean=database.keypoint_mean.tolist(),
             keypoint_deviation=database.keypoint_deviation.tolist(),
@@ -77,33 +96,52 @@ class Card(BaseModel):
             feature_deviation=database.feature_deviation.tolist(),
             bone_mean=bones.mean(axis=0).tolist(),
             bone_deviation=np.maximum(bones.std(axis=0), LEAST_DEVIATION).tolist(),
+            quantity_mean=quantities.mean(axis=1).tolist(),
+            quantity_deviation=np.maximum(quantities.std(axis=1), LEAST_DEVIATION).tolist(),
+            controls=controls,
             provenance=database.metadata,
             settings=settings,
             training={},
         )
 
-    def sound_in(self, features: np.ndarray) -> np.ndarray:
-        """Features (..., t, 28) as the network takes them: (..., 28, t) float32."""
-        scored = (features - np.array(self.feature_mean)) / np.array(self.feature_deviation)
-        return np.ascontiguousarray(np.swapaxes(scored, -1, -2), np.float32)
+    def heard_in(self, features: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+        """Sound and controls as the network takes them.
+
+        Args:
+            features: (..., t, 28) speech features.
+            bounds: (..., t, 16) thresholds; see bounds.bounds_of.
+
+        Returns:
+            (..., 28, t) float32 or, where the network sees controls, (..., 60, t): then come each bound's
+            target and mask.
+        """
+        parts = [(features - np.array(self.feature_mean)) / np.array(self.feature_deviation)]
+        if self.controls:
+            mask = np.isfinite(bounds)
+            scored = (bounds - np.tile(self.quantity_mean, 2)) / np.tile(self.quantity_deviation, 2)
+            parts += [np.where(mask, scored, 0), mask]
+        return np.ascontiguousarray(np.swapaxes(np.concatenate(parts, axis=-1), -1, -2), np.float32)
 
     def gesture_in(self, keypoints: np.ndarray) -> np.ndarray:
         """Keypoints (..., t, 17, 3) [m] as the network takes them: (..., 48, t) float32."""
         scored = (bone_vectors(keypoints) - np.array(self.bone_mean)) / np.array(self.bone_deviation)
         return np.ascontiguousarray(np.swapaxes(scored.reshape(*scored.shape[:-2], -1), -1, -2), np.float32)
 
-    def refined(self, run: Network, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
+    def refined(
+        self, run: Network, features: np.ndarray, keypoints: np.ndarray, bounds: np.ndarray
+    ) -> np.ndarray:
         """Gestures that go with the sound, from those that the search found for it.
 
         Args:
             run: The network.
             features: (w, 64, 28) speech features of windows.
             keypoints: (w, 64, 17, 3) what was found, joined [m], pelvis frame.
+            bounds: (w, 64, 16) thresholds that the search kept for it; see bounds.bounds_of.
 
         Returns:
             (w, 64, 17, 3) [m], with the pelvis and the bone lengths of `keypoints`.
         """
-        made = np.swapaxes(run(self.sound_in(features), self.gesture_in(keypoints)), -1, -2)
+        made = np.swapaxes(run(self.heard_in(features, bounds), self.gesture_in(keypoints)), -1, -2)
         vectors = made.reshape(*made.shape[:-1], len(BONES), 3) * np.array(self.bone_deviation)
         refined = from_bone_vectors(vectors + np.array(self.bone_mean)) + keypoints[..., :1, :]
         return with_bone_lengths(refined, bone_lengths(keypoints))
@@ -157,25 +195,41 @@ class RefinementModel:
             self.card = Card.model_validate_json(entry)
         except ValidationError as error:
             raise FileFormatError(f"{path} was written by another version: {error}") from error
-        for key, valid in ("version", 1), ("skeleton", KEYPOINTS), ("frame_rate", FRAME_RATE):
+        for key, valid in ("version", VERSION), ("skeleton", KEYPOINTS), ("frame_rate", FRAME_RATE):
             if getattr(self.card, key) != valid:
                 raise FileFormatError(f"{path}: {key} of the model", getattr(self.card, key), [valid])
 
-    def refined(self, features: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
-        """Gestures that go with the sound; see Card.refined."""
-        return self.card.refined(self.run, features, keypoints)
+    def refined(self, features: np.ndarray, keypoints: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+        """Gestures that go with the sound and keep to the bounds; see Card.refined."""
+        return self.card.refined(self.run, features, keypoints, bounds)
 
-    def run(self, sound: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """The network alone: (w, 28, 64) and (w, 48, 64) -> (w, 48, 64), float32, all z-scored."""
-        return self._session.run(None, {"sound": sound, "found": found})[0]
+    def run(self, heard: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """The network alone; see Network."""
+        return self._session.run(None, {"heard": heard, "found": found})[0]
 
 
-def load_model(path: Path, database: Database) -> RefinementModel:
-    """The model in a file, if it fits a database.
+def load_model(name: str, database: Database) -> RefinementModel | None:
+    """The network for a database.
+
+    Args:
+        name: A file; SHIPPED, the network of the demo corpus, where it fits; or NONE.
+        database: What it is to refine.
+
+    Returns:
+        The network, or None where there is none to use.
 
     Raises:
         FileFormatError: See RefinementModel and Card.check.
     """
-    model = RefinementModel(path)
-    model.card.check(database)
+    if name == NONE:
+        return None
+    model = RefinementModel(
+        config_dir() / "models" / "gesture_refiner.onnx" if name == SHIPPED else Path(name)
+    )
+    try:
+        model.card.check(database)
+    except FileFormatError:
+        if name == SHIPPED:
+            return None
+        raise
     return model

@@ -8,10 +8,14 @@ from torch.nn import functional
 
 from gesture_bot.base.keypoints import BONES
 from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.refine.bounds import BOUNDS
 from gesture_bot.speech.features import FEATURES
 
 GESTURE = 3 * len(BONES)
 """Numbers of a frame of gesture: the vector of every bone."""
+
+CONTROLS = 2 * BOUNDS
+"""Numbers of a frame of control: the target of every bound, and whether there is one."""
 
 CHANNELS = (128, 256, 256, 512)
 """Of the generator's blocks, in pairs (the authors' code)."""
@@ -27,12 +31,23 @@ def _scaled(channels: tuple[int, ...], width: float) -> list[int]:
     return [max(4, round(width * number)) for number in channels]
 
 
-def _block(inputs: int, outputs: int, norm: type[nn.Module]) -> nn.Sequential:
-    return nn.Sequential(nn.Conv1d(inputs, outputs, 3, padding=1), norm(outputs), nn.LeakyReLU(SLOPE))
+class _Convolution(nn.Conv1d):
+    """Over three frames: those around each or, where it is not to see what comes, up to each."""
+
+    def __init__(self, inputs: int, outputs: int, ahead: bool) -> None:
+        super().__init__(inputs, outputs, 3)
+        self._padding = (1, 1) if ahead else (2, 0)
+
+    def forward(self, frames: torch.Tensor) -> torch.Tensor:
+        return super().forward(functional.pad(frames, self._padding))
 
 
-def _pair(inputs: int, outputs: int, norm: type[nn.Module]) -> nn.Sequential:
-    return nn.Sequential(_block(inputs, outputs, norm), _block(outputs, outputs, norm))
+def _block(inputs: int, outputs: int, norm: type[nn.Module], ahead: bool) -> nn.Sequential:
+    return nn.Sequential(_Convolution(inputs, outputs, ahead), norm(outputs), nn.LeakyReLU(SLOPE))
+
+
+def _pair(inputs: int, outputs: int, norm: type[nn.Module], ahead: bool = False) -> nn.Sequential:
+    return nn.Sequential(_block(inputs, outputs, norm, ahead), _block(outputs, outputs, norm, ahead))
 
 
 class Generator(nn.Module):
@@ -42,28 +57,32 @@ class Generator(nn.Module):
     last, and a decoder of 8 that mirrors it, the last a bare convolution. As in the authors' code, not in
     the text: skip connections, leaky ReLU, average pooling. Our own: the gesture comes joined (smoothing.py),
     the last convolution starts at zero, and what it says is added to the gesture. So training starts from
-    motion without jumps; the paper's generator first has to learn to repeat what was found.
+    motion without jumps; the paper's generator first has to learn to repeat what was found. Convolutions look
+    back: a frame sees no more of what comes than the rest of its window of 8, so that the last 8 frames of a
+    sequence, which are shown, are those that the critic saw. MM22 names it a limit that the network does not
+    see the controls; here it can.
 
     Args:
         width: Share of the authors' channels.
+        controls: Whether it sees them.
     """
 
-    def __init__(self, width: float = 1.0) -> None:
+    def __init__(self, width: float = 1.0, controls: bool = False) -> None:
         super().__init__()
         channels = _scaled(CHANNELS, width)
-        sizes = pairwise([FEATURES + GESTURE, *channels])
+        sizes = pairwise([FEATURES + GESTURE + controls * CONTROLS, *channels])
         self.encoder = nn.ModuleList(_pair(*size, nn.BatchNorm1d) for size in sizes)
         self.bottom = _pair(channels[-1], channels[-1], nn.BatchNorm1d)
         sizes = pairwise(channels[::-1])
         self.decoder = nn.ModuleList(_pair(below + here, here, nn.BatchNorm1d) for below, here in sizes)
-        self.decoder[-1][1] = last = nn.Conv1d(channels[0], GESTURE, 3, padding=1)
+        self.decoder[-1][1] = last = _Convolution(channels[0], GESTURE, ahead=False)
         self.pool, self.upsample = nn.AvgPool1d(2), nn.Upsample(scale_factor=2)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
 
-    def forward(self, sound: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
-        """(b, 28, t) and (b, 48, t), z-scored -> (b, 48, t); t is a multiple of 8."""
-        hidden = torch.cat([sound, gesture], dim=1)
+    def forward(self, heard: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
+        """(b, 28, t), or (b, 60, t) with controls, and (b, 48, t), z-scored -> (b, 48, t); t is 8 n."""
+        hidden = torch.cat([heard, gesture], dim=1)
         skipped = []
         for pair in self.encoder[:-1]:
             hidden = pair(hidden)
@@ -85,17 +104,20 @@ class Critic(nn.Module):
 
     Args:
         width: Share of the authors' channels.
+        controls: Whether it sees them, as the generator does.
         motion: (2, 48) deviations of velocity and acceleration, a frame; None: as in the paper.
     """
 
-    def __init__(self, width: float = 1.0, motion: torch.Tensor | None = None) -> None:
+    def __init__(
+        self, width: float = 1.0, controls: bool = False, motion: torch.Tensor | None = None
+    ) -> None:
         super().__init__()
         self._motion = motion
         seen, norm = (GESTURE, nn.InstanceNorm1d) if motion is None else (3 * GESTURE, nn.Identity)
         channels = _scaled(CRITIC_CHANNELS, width)
         layers: list[nn.Module] = []
-        for size in pairwise([FEATURES + seen, *channels]):
-            layers += [_pair(*size, norm), nn.AvgPool1d(2)]
+        for size in pairwise([FEATURES + controls * CONTROLS + seen, *channels]):
+            layers += [_pair(*size, norm, ahead=True), nn.AvgPool1d(2)]
         frames = SEQUENCE // 2 ** len(channels)
         self.layers = nn.Sequential(*layers, nn.Flatten(), nn.Linear(frames * channels[-1], 1))
 
@@ -109,6 +131,6 @@ class Critic(nn.Module):
         ]
         return torch.cat([gesture, *changes], dim=1)
 
-    def forward(self, sound: torch.Tensor, seen: torch.Tensor) -> torch.Tensor:
-        """(b, 28, 64), z-scored, and (b, c, 64), see `seen` -> (b,)."""
-        return self.layers(torch.cat([sound, seen], dim=1))[:, 0]
+    def forward(self, heard: torch.Tensor, seen: torch.Tensor) -> torch.Tensor:
+        """(b, 28, 64), or (b, 60, 64) with controls, z-scored, and (b, c, 64), see `seen` -> (b,)."""
+        return self.layers(torch.cat([heard, seen], dim=1))[:, 0]

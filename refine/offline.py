@@ -85,4 +85,7 @@ def refined_windows(
     for frame in frames:
         for window in selector.plan(frame_time(frame)):
             clip = KeypointClip(window.start, window.keypoints)
-            yield window, network.push(clip, window.source) if network else smoother.push(clip)
+            yield (
+                window,
+                network.push(clip, window.source, window.kept) if network else smoother.push(clip),
+            )

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -11,11 +11,14 @@ from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW, KeypointClip
 from gesture_bot.base.keypoints import with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching.controls import Admission
+from gesture_bot.matching.controls import FEWEST, Admission, Controls
 from gesture_bot.matching.features import AUDIO_OFFSETS
-from gesture_bot.matching.search import MAX_K, Search
+from gesture_bot.matching.quantities import QUANTITIES, measure
+from gesture_bot.matching.search import MAX_K, Search, eligible
 from gesture_bot.matching.selector import LATELY
 from gesture_bot.matching.settling import rest_pose
+from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of
+from gesture_bot.refine.hindsight import hindsight
 from gesture_bot.refine.smoothing import WindowJoiner
 
 HELD_OUT = 0.1
@@ -29,15 +32,18 @@ class Walk:
     Attributes:
         recording: Its number.
         rows: (n,) of the database: sound and real motion.
-        found: (2, n) rows of the motion that was found: always the best match; and, drawn for each of the
-            search's windows, one of the 2nd to the 15th (MM22). A window begins every 8 frames.
-        joined: (2, n, 17, 3) that motion without jumps where windows meet [m].
+        found: (3, n) rows of the motion that was found: always the best match; drawn for each of the
+            search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A window
+            begins every 8 frames.
+        joined: (3, n, 17, 3) that motion without jumps where windows meet [m].
+        bounds: (n, 16) the controls, which the real motion keeps; see bounds.bounds_of.
     """
 
     recording: int
     rows: np.ndarray
     found: np.ndarray
     joined: np.ndarray
+    bounds: np.ndarray
 
 
 def held_out(database: Database, seed: int) -> np.ndarray:
@@ -97,28 +103,62 @@ class _Walker:
         self._database, self._held, self._seed = database, held, seed
         self._search = Search(database)
         self._rest = self._search.pose_of(rest_pose(database))
+        self._controls = Controls(database)
+        self._measured = np.concatenate([measure(database)[quantity] for quantity in QUANTITIES]).T
+        self._ranked = np.sort(self._measured, axis=0)
 
     def walk(self, recording: int, rows: np.ndarray) -> Walk:
         """Of consecutive rows (n,) of a recording."""
         generator = np.random.default_rng([self._seed, recording, rows[0]])
         windows = -(-len(rows) // WINDOW)
-        drawn = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
+        best, others = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
         allowed = (self._database.recording != recording) & ~np.isin(self._database.recording, self._held)
-        mask = np.repeat(allowed[:, None], SEQUENCE, axis=1)
-        admission = Admission(mask, int(allowed.sum()), float(allowed.mean()), ())
-        found = np.stack([self._found(admission, rows, k) for k in drawn])
+        free = self._admission(np.full(BOUNDS, np.nan), allowed)
+        asked = hindsight(self._measured[rows], self._ranked, generator)[::WINDOW]
+        steered = self._steered(asked, allowed, free)
+        either = np.where(generator.random(windows) < 0.5, best, others)
+        found = np.stack(
+            [
+                self._found(rows, [free] * windows, best),
+                self._found(rows, [free] * windows, others),
+                self._found(rows, steered, either),
+            ]
+        )
+        bounds = np.stack([bounds_of(admission.kept) for admission in steered])
         return Walk(
-            recording, rows, found, np.stack([joined(self._database.keypoints[one]) for one in found])
+            recording,
+            rows,
+            found,
+            np.stack([joined(self._database.keypoints[one]) for one in found]),
+            np.repeat(bounds, WINDOW, axis=0)[: len(rows)],
         )
 
-    def _found(self, admission: Admission, rows: np.ndarray, ks: np.ndarray) -> np.ndarray:
+    def _steered(self, asked: np.ndarray, allowed: np.ndarray, free: Admission) -> list[Admission]:
+        """What thresholds (w, 16) of windows admit; where that is too little to choose from, `free`."""
+        steered: list[Admission] = []
+        for number, bounds in enumerate(asked):
+            if number and np.array_equal(bounds, asked[number - 1], equal_nan=True):
+                steered.append(steered[-1])
+                continue
+            admission = self._admission(bounds, allowed)
+            steered.append(admission if admission.sequences >= FEWEST else free)
+        return steered
+
+    def _admission(self, bounds: np.ndarray, allowed: np.ndarray) -> Admission:
+        """What thresholds (16,) admit of the sequences that are allowed."""
+        admission = self._controls.admit(constraints_of(bounds))
+        mask = admission.mask & allowed[:, None]
+        sequences = int(eligible(mask).any(axis=1).sum())
+        return replace(admission, mask=mask, sequences=sequences)
+
+    def _found(self, rows: np.ndarray, admissions: list[Admission], ks: np.ndarray) -> np.ndarray:
         """(n,) rows of the motion that is found for the sound of others (n,)."""
         pose, found = self._rest, []
         lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
-        for row, k in zip(rows[::WINDOW], ks, strict=True):
+        for row, admission, k in zip(rows[::WINDOW], admissions, ks, strict=True):
             sound = self._search.audio_of(self._database.features[row : row + AUDIO_OFFSETS[-1] + 1])
             match = self._search.find(pose, sound, admission.without(lately), int(k))
-            assert match  # there is another recording
+            assert match  # there are others
             first = self._search.row(match.sequence, match.frame)
             found.append(np.arange(first, first + WINDOW))
             pose = self._search.pose_at(first + WINDOW - 1)

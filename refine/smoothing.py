@@ -96,12 +96,13 @@ class WindowSmoother:
         self.joiner.push(clip)
         motion, lengths = self.joiner.motion, self.joiner.lengths
         emitted = slice(-min(len(clip.keypoints) + RADIUS, len(motion)), None)
-        keypoints = with_bone_lengths(_gaussian(motion)[emitted], _gaussian(lengths)[emitted])
+        keypoints = with_bone_lengths(gaussian(motion, SIGMA)[emitted], gaussian(lengths, SIGMA)[emitted])
         return KeypointClip(clip.stop - len(keypoints), keypoints)
 
 
-def _gaussian(values: np.ndarray) -> np.ndarray:
-    return gaussian_filter1d(values, SIGMA, axis=0, mode="nearest", radius=RADIUS)
+def gaussian(values: np.ndarray, sigma: float) -> np.ndarray:
+    """A Gaussian over frames (n, ...), of a standard deviation [frames], cut off at RADIUS."""
+    return gaussian_filter1d(values, sigma, axis=0, mode="nearest", radius=RADIUS)
 
 
 def _seam_offset(before: np.ndarray, after: np.ndarray) -> np.ndarray:

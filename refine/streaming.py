@@ -1,6 +1,6 @@
 """Streaming refinement by a trained network: windows of 64 frames, every 8 as they are chosen."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -8,36 +8,43 @@ import numpy as np
 from gesture_bot.base.frames import WINDOW, KeypointClip
 from gesture_bot.base.keypoints import KEYPOINTS, bone_lengths, with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE
+from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.hearing import Hearing
+from gesture_bot.refine.bounds import BOUNDS, bounds_of
 from gesture_bot.refine.model import RefinementModel
-from gesture_bot.refine.smoothing import HISTORY, RADIUS, WindowSmoother
+from gesture_bot.refine.smoothing import HISTORY, WindowSmoother, gaussian
 from gesture_bot.speech.features import FEATURES
 
-OVERLAP = RADIUS
-"""Frames before a new window that are faded over to what the network makes of them now, knowing more."""
+Refined = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From windows of features, keypoints and bounds to refined keypoints; see Card.refined."""
+
+SIGMA = 0.7
+"""Standard deviation of the Gaussian over what the network makes [frames]: half of what motion is smoothed by
+without a network, enough to take away its noise.
+"""
 
 
 def refined_motion(
-    refined: Callable[[np.ndarray, np.ndarray], np.ndarray], features: np.ndarray, keypoints: np.ndarray
+    refined: Refined, features: np.ndarray, keypoints: np.ndarray, bounds: np.ndarray
 ) -> np.ndarray:
     """What NetworkRefiner ends up with for speech whose windows of 8 frames are all known, all at once.
 
     Args:
-        refined: From windows of features and keypoints to refined keypoints; see Card.refined.
+        refined: See Refined.
         features: (n, 28) speech features.
         keypoints: (n, 17, 3) what the search found for them, joined [m], pelvis frame; see WindowJoiner.
+        bounds: (n, 16) thresholds that the search kept for it; see bounds.bounds_of.
 
     Returns:
         (n, 17, 3) [m], with the bone lengths of `keypoints`. Before the first frame, it counts as held.
     """
     stops = np.array([*range(WINDOW, len(keypoints), WINDOW), len(keypoints)])
     rows = _window_rows(stops)
-    made = np.zeros(keypoints.shape)
-    for (begin, stop), window in zip(
-        pairwise([0, *stops]), refined(features[rows], keypoints[rows]), strict=True
-    ):
-        _lay_over(made, window, begin, stop)
-    return with_bone_lengths(made, bone_lengths(keypoints))
+    windows = refined(features[rows], keypoints[rows], bounds[rows])
+    made = np.concatenate(
+        [window[begin - stop :] for window, (begin, stop) in zip(windows, pairwise([0, *stops]), strict=True)]
+    )
+    return with_bone_lengths(gaussian(made, SIGMA), bone_lengths(keypoints))
 
 
 class NetworkRefiner:
@@ -56,14 +63,16 @@ class NetworkRefiner:
         self._smoother = WindowSmoother()
         self._start = 0
         self._found = self._made = np.empty((0, len(KEYPOINTS), 3))
-        self._sound, self._share = np.empty((0, FEATURES)), np.empty(0)
+        self._sound, self._bounds = np.empty((0, FEATURES)), np.empty((0, BOUNDS))
+        self._share = np.empty(0)
 
-    def push(self, clip: KeypointClip, source: str) -> KeypointClip:
+    def push(self, clip: KeypointClip, source: str, kept: Sequence[Constraint] = ()) -> KeypointClip:
         """Take the next clip; it replaces everything from its first frame on.
 
         Args:
             clip: See WindowJoiner.push.
             source: Of the window; see plan.Window.
+            kept: Bounds that the search kept for it.
 
         Returns:
             As WindowSmoother.push: the last 4 frames come again, changed, with the next clip.
@@ -74,17 +83,18 @@ class NetworkRefiner:
         smooth = self._smoother.push(clip)
         joiner, new = self._smoother.joiner, slice(-len(clip.keypoints), None)
         found = with_bone_lengths(joiner.motion[new], joiner.lengths[new])
-        begin = self._append(KeypointClip(clip.start, found), source)
+        begin = self._append(KeypointClip(clip.start, found), source, bounds_of(kept))
         for first in range(begin, len(self._found), WINDOW):
             stop = min(first + WINDOW, len(self._found))
             rows = _window_rows(np.array([stop]))
-            _lay_over(self._made, self._model.refined(self._sound[rows], self._found[rows])[0], first, stop)
+            window = self._model.refined(self._sound[rows], self._found[rows], self._bounds[rows])[0]
+            self._made[first:stop] = window[first - stop :]
         emitted = slice(-len(smooth.keypoints), None)
         share = self._share[emitted, None, None]
-        keypoints = (1 - share) * smooth.keypoints + share * self._made[emitted]
+        keypoints = (1 - share) * smooth.keypoints + share * gaussian(self._made, SIGMA)[emitted]
         return KeypointClip(smooth.start, with_bone_lengths(keypoints, bone_lengths(smooth.keypoints)))
 
-    def _append(self, clip: KeypointClip, source: str) -> int:
+    def _append(self, clip: KeypointClip, source: str, bounds: np.ndarray) -> int:
         """Put a clip in place of all from its first frame on; the index of that frame."""
         frames = np.arange(max(self._start, clip.start - HISTORY - SEQUENCE), clip.start)
         if not len(self._found):
@@ -98,6 +108,7 @@ class NetworkRefiner:
         self._found = np.concatenate([self._found[before], clip.keypoints])
         self._made = np.concatenate([self._made[before], clip.keypoints])
         self._sound = np.concatenate([self._sound[before], self._hearing.features(clip.start, clip.stop)])
+        self._bounds = np.concatenate([self._bounds[before], np.tile(bounds, (len(clip.keypoints), 1))])
         self._share = np.concatenate([shares, coming])
         self._start = clip.stop - len(self._found)
         return len(before)
@@ -106,11 +117,3 @@ class NetworkRefiner:
 def _window_rows(stops: np.ndarray) -> np.ndarray:
     """(w, 64) rows of the windows that end before some rows (w,); the first row is held before it."""
     return np.maximum(stops[:, None] + np.arange(-SEQUENCE, 0), 0)
-
-
-def _lay_over(made: np.ndarray, window: np.ndarray, begin: int, stop: int) -> None:
-    """Take the frames from `begin` to `stop` from the end of a window, and fade over to it before them."""
-    made[begin:stop] = window[begin - stop :]
-    rows = np.arange(max(0, begin - OVERLAP), begin)
-    fade = 1 - (begin - rows)[:, None, None] / (OVERLAP + 1)
-    made[rows] += fade * (window[rows - stop] - made[rows])

@@ -21,10 +21,12 @@ from gesture_bot.base.files import write_whole
 from gesture_bot.base.frames import WINDOW
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.refine.export import export
-from gesture_bot.refine.gan import Gan
+from gesture_bot.refine.gan import RECIPES, Gan
+from gesture_bot.refine.missed import Missed
 from gesture_bot.refine.model import Card
 from gesture_bot.refine.pairs import held_out, walks
 from gesture_bot.refine.streaming import refined_motion
+from gesture_bot.speech.features import FEATURES
 
 SAVE_EVERY = 60.0
 """Between checkpoints [s]."""
@@ -32,7 +34,8 @@ SAVE_EVERY = 60.0
 Judge = Callable[[Sequence[np.ndarray], Sequence[np.ndarray]], dict[str, float]]
 """Made and recorded motions, (n, 17, 3) each [m] -> distances by name; the first decides what is best."""
 
-LOSSES = ("distance", "penalty", "critic_gradient", "change", "generator_loss", "generator_gradient")
+LOSSES = ("distance", "penalty", "change", "missed")
+"""Those that the progress bar shows."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ class Training:
         trained = [walk for walk in found if walk.recording not in held]
         self._tested = [walk for walk in found if walk.recording in held]
         rows = np.concatenate([walk.rows for walk in trained])
-        self._card = Card.of(database, rows, asdict(settings))
+        steered = RECIPES[settings.recipe].controls
+        self._card = Card.of(database, rows, steered, asdict(settings))
         self._card.training["held_out"] = held.tolist()
         # Every 8 frames (MM22: 5), where the search's windows end, as when they are refined one by one.
         begins = np.cumsum([0, *(len(walk.rows) for walk in trained)])[:-1]
@@ -100,10 +104,14 @@ class Training:
             for begin, begun, walk in zip(begins, starts, trained, strict=True)
         ]
         joined = np.concatenate([walk.joined for walk in trained], axis=1)
+        bounds = np.concatenate([walk.bounds for walk in trained])
+        heard = self._card.heard_in(database.features[rows], bounds).T
         self._gan = Gan(
-            self._card.sound_in(database.features[rows]).T.copy(),
+            heard[:, :FEATURES].copy(),
             self._card.gesture_in(database.keypoints[rows]).T.copy(),
             np.swapaxes(self._card.gesture_in(joined), 1, 2).copy(),
+            heard[:, FEATURES:].copy(),
+            Missed(self._card),
             np.concatenate(starts), np.concatenate(later),
             settings.recipe, settings.width, settings.batch, settings.seed,
         )  # fmt: skip
@@ -156,7 +164,7 @@ class Training:
                 iteration == iterations,
             )
             sums.clear()
-            shown = {name: f"{self.rows[-1].get(name, np.nan):.3g}" for name in LOSSES[:2] + ("change",)}
+            shown = {name: f"{self.rows[-1].get(name, np.nan):.3g}" for name in LOSSES}
             best = {name: f"{value:.3g}" for name, value in self._best["distances"].items()}
             progress.set_postfix(shown | best, refresh=False)
             if time.monotonic() > saved + SAVE_EVERY or iteration == iterations:
@@ -169,8 +177,11 @@ class Training:
         if iteration % self._settings.test_every and not last:
             return
         refined, features = partial(self._card.refined, self._gan.run), self._database.features
-        # k = 1, as when the robot speaks.
-        made = [refined_motion(refined, features[walk.rows], walk.joined[0]) for walk in self._tested]
+        # k = 1 and no controls, as when the robot speaks.
+        made = [
+            refined_motion(refined, features[walk.rows], walk.joined[0], np.full_like(walk.bounds, np.nan))
+            for walk in self._tested
+        ]
         real = [self._database.keypoints[walk.rows].astype(np.float64) for walk in self._tested]
         distances = self._judge(made, real)
         self.rows[-1] |= distances
@@ -243,6 +254,7 @@ def _draw(rows: list[dict[str, float]]) -> Figure:
         "distance": "critic: real over made",
         "penalty": "gradient penalty",
         "change": "change of the gesture [deviations]",
+        "missed": "missed of the bounds [deviations]",
     } | {name: f"held out: {name}" for name in rows[0] if name != "iteration"}
     figure = Figure((3 * len(titles), 3.5), layout="constrained")
     for axes, (name, title) in zip(figure.subplots(1, len(titles)), titles.items(), strict=True):

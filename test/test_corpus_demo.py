@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.corpus import demo
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.corpus.demo import demo_corpus, demo_database
+from gesture_bot.corpus.demo import database_path, demo_corpus, demo_database, load_database
 from gesture_bot.corpus.sentences import SENTENCES
 from gesture_bot.corpus.styles import STYLES
 from gesture_bot.speech.features import FEATURES, SILENCE_FEATURES, STATIC
@@ -51,8 +52,18 @@ def test_it_is_built_once_and_kept(monkeypatch, tmp_path):
     path = demo_database()
     assert path.is_relative_to(tmp_path)
     assert Database.load(path).names["emotion"] == ("bored",)
+    more = load_database("demo:5")
+    assert more.names["emotion"] == ("bored",)
+    assert len(more.keypoints) > 1.5 * len(Database.load(path).keypoints)
     monkeypatch.setattr(demo, "demo_corpus", None)
-    assert demo_database() == path
+    assert database_path("demo") == path
+    assert load_database("demo:5") is more
+
+
+@pytest.mark.parametrize("rounds", ["", "0", "many"])
+def test_rounds_that_are_no_number_are_refused(rounds):
+    with pytest.raises(InvalidValueError, match=f"rounds of the demo corpus '{rounds}' .*1 and more"):
+        load_database(f"demo:{rounds}")
 
 
 def test_an_interrupted_build_leaves_nothing(monkeypatch, tmp_path):

@@ -19,16 +19,22 @@ from gesture_bot.base.errors import FileFormatError, InvalidValueError, Training
 from gesture_bot.base.frames import WINDOW, KeypointClip, first_frame_after, frame_time
 from gesture_bot.base.keypoints import bone_lengths
 from gesture_bot.cli.main import main
+from gesture_bot.corpus.demo import load_database
 from gesture_bot.evaluate.held_out import distances
+from gesture_bot.matching.controls import Constraint
 from gesture_bot.matching.hearing import Hearing
+from gesture_bot.matching.quantities import MEASURES, measure
 from gesture_bot.msg import GestureWindow, SpeechFeatures
+from gesture_bot.nodes.constraints import constraint_to
 from gesture_bot.nodes.gesture_refiner import GestureRefiner
 from gesture_bot.nodes.messages import clip_from, clip_to
 from gesture_bot.nodes.node import PLAN, STREAM, stamp
 from gesture_bot.refine import gan
 from gesture_bot.refine import training as loop
-from gesture_bot.refine.model import RefinementModel, load_model
-from gesture_bot.refine.networks import GESTURE, Generator
+from gesture_bot.refine.bounds import bounds_of
+from gesture_bot.refine.missed import Missed
+from gesture_bot.refine.model import NONE, SHIPPED, RefinementModel, load_model
+from gesture_bot.refine.networks import CONTROLS, GESTURE, Generator
 from gesture_bot.refine.pairs import held_out, joined, walks
 from gesture_bot.refine.smoothing import RADIUS, WindowSmoother
 from gesture_bot.refine.streaming import NetworkRefiner, refined_motion
@@ -37,7 +43,7 @@ from gesture_bot.refine.training import Settings, Training
 ITERATIONS = 30
 
 
-SETTINGS = Settings("light", width=1 / 32, batch=4, report_every=10, test_every=10)
+SETTINGS = Settings("steered", width=1 / 32, batch=4, report_every=10, test_every=10)
 
 
 def training(database, output, settings=SETTINGS):
@@ -59,7 +65,7 @@ def trained(database, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model(trained, database):
-    return load_model(trained, database)
+    return load_model(str(trained), database)
 
 
 def test_pairs_are_from_another_recording_and_none_that_is_held_out(database):
@@ -82,6 +88,23 @@ def test_pairs_are_from_another_recording_and_none_that_is_held_out(database):
             for motion in (walk.joined[0], database.keypoints[walk.found[0]])
         )
         assert jumps.mean() < before.mean() / 2
+
+
+def test_controls_are_kept_by_what_is_real_and_by_what_is_found(database):
+    measured = np.concatenate(list(measure(database).values())).T
+    found = walks(database, held_out(database, seed=3), seed=3)
+    bounds = np.concatenate([walk.bounds for walk in found])
+    asked = np.isfinite(bounds)
+    assert 0.3 < asked.any(axis=1).mean() < 1
+
+    def kept(rows):
+        least, most = np.split(bounds, 2, axis=1)
+        values = measured[np.concatenate(rows)]
+        return np.concatenate([values >= least - 1e-6, values <= most + 1e-6], axis=1)[asked].mean()
+
+    assert kept([walk.rows for walk in found]) > 0.9
+    free, steered = (kept([walk.found[kind] for walk in found]) for kind in (0, 2))
+    assert steered > free + 0.1
 
 
 def test_training_moves_the_losses(trained):
@@ -128,7 +151,7 @@ def test_divergence_ends_the_training_and_keeps_the_checkpoint(database, tmp_pat
     output = tmp_path / "model.onnx"
     training(database, output).run(10)
     checkpoint = output.with_suffix(".pt").read_bytes()
-    monkeypatch.setitem(gan.RECIPES, "light", replace(gan.RECIPES["light"], penalty=1e12))
+    monkeypatch.setitem(gan.RECIPES, "steered", replace(gan.RECIPES["steered"], penalty=1e12))
     with pytest.raises(TrainingError, match="diverged in iteration 11: .*model.pt holds iteration 10"):
         training(database, output).run(20)
     assert output.with_suffix(".pt").read_bytes() == checkpoint
@@ -137,19 +160,45 @@ def test_divergence_ends_the_training_and_keeps_the_checkpoint(database, tmp_pat
 def test_the_file_gives_what_the_network_gave(trained, model):
     saved = torch.load(trained.with_suffix(".pt"))["best"]
     assert model.card.training["iteration"] == saved["iteration"]
-    generator = Generator(SETTINGS.width)
+    generator = Generator(SETTINGS.width, controls=True)
     generator.load_state_dict(saved["generator"])
-    sound, found = torch.randn(7, 28, 64), torch.randn(7, GESTURE, 64)
+    heard, found = torch.randn(7, 28 + CONTROLS, 64), torch.randn(7, GESTURE, 64)
     with torch.no_grad():
-        expected = generator.eval()(sound, found).numpy()
+        expected = generator.eval()(heard, found).numpy()
     assert np.abs(expected - found.numpy()).max() > 1e-3
-    np.testing.assert_allclose(model.run(sound.numpy(), found.numpy()), expected, atol=1e-4)
+    np.testing.assert_allclose(model.run(heard.numpy(), found.numpy()), expected, atol=1e-4)
+
+
+def test_what_is_shown_is_known_when_its_window_is(model):
+    """No frame depends on what comes after its window of 8."""
+    random = np.random.default_rng(0)
+    heard, found = (random.normal(size=(1, n, 64)).astype(np.float32) for n in (28 + CONTROLS, GESTURE))
+    before = model.run(heard, found)
+    heard[..., 40:], found[..., 40:] = 0, 0
+    after = model.run(heard, found)
+    np.testing.assert_allclose(after[..., :40], before[..., :40], atol=1e-5)
+    assert np.abs(after[..., 40:] - before[..., 40:]).max() > 1e-3
+
+
+def test_what_gestures_miss_is_measured_as_the_controls_measure_it(model, database):
+    keypoints = database.keypoints[:64].astype(np.float64)
+    expected = np.concatenate([of(keypoints) for of in MEASURES.values()], axis=1)
+    missed = Missed(model.card)
+    gesture = torch.from_numpy(model.card.gesture_in(keypoints))[None]
+    np.testing.assert_allclose(missed.measured(gesture)[0].T, expected, atol=1e-4)
+    bounds = np.full((64, 16), np.nan)
+    bounds[:32, 1] = expected[:32, 1] + 0.05  # the right wrist at least 5 cm higher
+    bounds[:, 8] = expected[:, 0] + 0.01  # the left one no higher than a little over where it is
+    controls = torch.from_numpy(model.card.heard_in(database.features[:64], bounds)[28:])[None]
+    share = 0.05 / model.card.quantity_deviation[1] * 32 / 96
+    assert missed(gesture, controls).item() == pytest.approx(share, rel=1e-3)
+    assert missed(gesture, torch.zeros_like(controls)).item() == 0
 
 
 def test_models_that_do_not_fit_are_refused_with_the_reason(trained, database, tmp_path):
     other = small_database(seed=5, recordings=6)
     with pytest.raises(FileFormatError, match="trained for another database .*differs by .* deviations"):
-        load_model(trained, other)
+        load_model(str(trained), other)
     with pytest.raises(FileFormatError, match="no such file"):
         RefinementModel(tmp_path / "none.onnx")
     broken, foreign = tmp_path / "broken.onnx", tmp_path / "foreign.onnx"
@@ -163,7 +212,7 @@ def test_models_that_do_not_fit_are_refused_with_the_reason(trained, database, t
         RefinementModel(foreign)
 
 
-def streamed(model, database, features, clips, sources):
+def streamed(model, database, features, clips, sources, kept=()):
     """What a listener ends up with, by frame."""
     hearing = Hearing(database)
     for frame, feature in enumerate(features):
@@ -171,7 +220,7 @@ def streamed(model, database, features, clips, sources):
     heard = hearing.features(0, len(features))
     refiner, frames = NetworkRefiner(model, hearing), {}
     for clip, source in zip(clips, sources, strict=False):
-        refined = refiner.push(clip, source)
+        refined = refiner.push(clip, source, kept)
         assert (refined.start, refined.stop) == (max(0, clip.start - RADIUS), clip.stop)
         frames.update(enumerate(refined.keypoints, refined.start))
     return heard, np.array([frames[frame] for frame in sorted(frames)])
@@ -182,8 +231,12 @@ def test_streaming_is_the_offline_result_away_from_the_edges(model, database):
     clips = [KeypointClip(WINDOW * number, window) for number, window in enumerate(found)]
     found = found.reshape(-1, 17, 3)
     features = database.features[: len(found)]
-    heard, seen = streamed(model, database, features, clips, itertools.repeat("speech"))
-    offline = refined_motion(model.refined, heard, joined(found))
+    kept = [Constraint("wrist_height", "at_least", 0.3, "left", "value")]
+    heard, seen = streamed(model, database, features, clips, itertools.repeat("speech"), kept)
+    bounds = np.tile(bounds_of(kept), (len(found), 1))
+    offline = refined_motion(model.refined, heard, joined(found), bounds)
+    free = refined_motion(model.refined, heard, joined(found), np.full_like(bounds, np.nan))
+    assert np.abs(offline - free).max() > 1e-5
     inside = slice(WINDOW, -RADIUS)  # where the network has taken over, and the future is known
     np.testing.assert_allclose(seen[inside], offline[inside], atol=1e-6)
     assert np.abs(offline - found).max() > 1e-5
@@ -202,10 +255,21 @@ def test_rest_and_semantic_gestures_are_smoothed_alone(model, database):
     assert apart[8:32].max() > 1e-3 < apart[72:96].max()
 
 
-def test_the_recipe_of_the_paper_trains_too(database, tmp_path):
-    paper = training(database, tmp_path / "model.onnx", replace(SETTINGS, recipe="paper"))
-    paper.run(10)
-    assert paper.rows[-1]["change"] > 0
+@pytest.mark.parametrize("recipe", ["paper", "light"])
+def test_the_other_recipes_train_too_and_see_no_controls(database, tmp_path, recipe):
+    other = training(database, tmp_path / "model.onnx", replace(SETTINGS, recipe=recipe))
+    other.run(10)
+    assert other.rows[-1]["change"] > 0
+    model = load_model(str(tmp_path / "model.onnx"), database)
+    keypoints, features = database.keypoints[None, :64], database.features[None, :64]
+    free, bound = (model.refined(features, keypoints, np.full((1, 64, 16), bound)) for bound in (np.nan, 0.5))
+    np.testing.assert_array_equal(free, bound)
+
+
+def test_the_shipped_network_is_used_where_it_fits(database):
+    assert load_model(SHIPPED, load_database("demo")).card.controls
+    assert load_model(SHIPPED, database) is None
+    assert load_model(NONE, load_database("demo")) is None
 
 
 def test_without_torch_the_command_says_what_to_install(monkeypatch, capsys):
@@ -219,6 +283,7 @@ def test_the_node_refines_by_the_network_or_says_why_it_smooths(trained, databas
     used = database if fits else small_database(seed=5, recordings=6)
     used.save(tmp_path / "database.safetensors")
     values = {"model": str(trained), "database": str(tmp_path / "database.safetensors")}
+    kept = [Constraint("hand_span", "at_most", 0.25, unit="value")]
     overrides = [Parameter(name, value=value) for name, value in values.items()]
     node = GestureRefiner(context=listener.context, parameter_overrides=overrides)
     start = first_frame_after(listener.now() + 2.0)
@@ -238,13 +303,15 @@ def test_the_node_refines_by_the_network_or_says_why_it_smooths(trained, databas
             time.sleep(0.002)
         time.sleep(0.2)
         for clip in clips:
-            windows.publish(clip_to(clip, "speech"))
+            message = clip_to(clip, "speech")
+            message.kept = [constraint_to(constraint) for constraint in kept]
+            windows.publish(message)
         wait_until(lambda: len(listener.record.refined) == len(clips), 10, "refined windows")
         listener.record.diagnostics.clear()
         wait_until(lambda: listener.record.diagnostics, 5, "how the refiner is")
     smoother, network = WindowSmoother(), NetworkRefiner(RefinementModel(trained), hearing)
     for heard, clip in zip(listener.record.refined, clips, strict=True):
-        expected = network.push(clip, "speech") if fits else smoother.push(clip)
+        expected = network.push(clip, "speech", kept) if fits else smoother.push(clip)
         np.testing.assert_allclose(clip_from(heard.message).keypoints, expected.keypoints, atol=1e-6)
     (status,) = listener.record.diagnostics[-1].message.status
     told = {value.key: value.value for value in status.values}
