@@ -168,8 +168,9 @@ def command_line() -> argparse.ArgumentParser:
     train.add_argument("-o", "--output", type=Path, required=True, metavar="MODEL.onnx", help="model file")
     train.add_argument("--iterations", type=int, default=300_000, metavar="N", help="as MM22: 300000")
     train.add_argument(
-        "--recipe", choices=("paper", "light"), default="paper",
-        help="as MM22, or, without a GPU, with a smaller critic and faster steps (paper)",
+        "--recipe", choices=("paper", "light", "steered"), default="paper",
+        help="as MM22; light: without a GPU, with a smaller critic and faster steps; steered: the same, and "
+        "the network sees the controls (paper)",
     )  # fmt: skip
     train.add_argument("--batch", type=int, default=100, metavar="N", help="windows in a batch (100)")
     train.add_argument(
