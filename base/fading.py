@@ -4,7 +4,7 @@ import numpy as np
 
 
 def faded(
-    position: np.ndarray, velocity: np.ndarray, elapsed: np.ndarray, half_life: float
+    position: np.ndarray, velocity: np.ndarray, elapsed: np.ndarray, half_life: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """A difference some time after it arose, as a critically damped spring draws it to zero.
 

@@ -14,8 +14,14 @@ SIGMA = 1.5
 RADIUS = 4
 """The Gaussian is cut off this far from its middle [frames]: a frame is final once so many follow it."""
 
-HALF_LIFE = 2.0
-"""Half-life of the offset at a seam [frames]: under 3% of it is left at the end of an 8-frame window."""
+ARMS, TRUNK = 2.0, 6.0
+"""Half-life of the offset of a keypoint at a seam [frames].
+
+In arms, under 3% of it is left at the end of an 8-frame window. Trunk, head and shoulders stand otherwise in
+every recording, and move so little within one that they must not follow each window.
+"""
+
+_IN_ARM = np.array([[name.endswith(("elbow", "wrist", "index", "little"))] for name in KEYPOINTS])
 
 HISTORY = 60
 """Frames kept before the last clip; a new clip may cut the motion that far back."""
@@ -114,9 +120,11 @@ def _seam_offset(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """
     position, velocity = _extended(before[::-1])
     after_position, after_velocity = _extended(after)
-    offset, offset_velocity = position - after_position, -velocity - after_velocity
+    offset = position - after_position
+    # What moves slowly has no velocity that is worth to go on for so long.
+    offset_velocity = np.where(_IN_ARM, -velocity - after_velocity, 0)
     elapsed = (np.arange(len(after)) + 0.5)[:, None, None]
-    return faded(offset, offset_velocity, elapsed, HALF_LIFE)[0]
+    return faded(offset, offset_velocity, elapsed, np.where(_IN_ARM, ARMS, TRUNK))[0]
 
 
 def _extended(frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,15 @@ from scipy.ndimage import gaussian_filter1d
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.frames import WINDOW, KeypointClip
-from gesture_bot.base.keypoints import INDEX, KEYPOINTS, PARENTS, bone_lengths, with_bone_lengths
+from gesture_bot.base.keypoints import (
+    INDEX,
+    KEYPOINTS,
+    PARENTS,
+    bone_lengths,
+    bone_vectors,
+    from_bone_vectors,
+    with_bone_lengths,
+)  # fmt: skip
 from gesture_bot.refine.smoothing import RADIUS, SIGMA, WindowSmoother
 
 WRIST = INDEX["left_wrist"]
@@ -84,11 +92,28 @@ def test_unrelated_windows_move_no_more_abruptly_than_the_recording():
     assert np.abs(np.diff(smooth, 2, axis=0)).max() < np.abs(np.diff(takes, 2, axis=0)).max()
 
 
-def test_a_new_window_is_reached_by_its_end():
+def test_the_arms_of_a_new_window_are_reached_by_its_end():
     here, there = gesturing(1, seed=3), gesturing(1, seed=4)
+    vectors = bone_vectors(there)
+    vectors[:, :8] = bone_vectors(here)[:, :8]  # the same trunk
+    vectors[:, 11] = bone_vectors(here)[:, 11]  # and right shoulder
+    there = from_bone_vectors(vectors)
     motion = played(windows(np.repeat(np.concatenate([here, there]), 2 * WINDOW, axis=0)))
     assert steps(np.concatenate([here, there])).max() > 0.1
     assert np.linalg.norm(motion[-1] - there[0], axis=-1).max() < 0.01
+
+
+def test_trunk_and_head_do_not_follow_each_window():
+    """Windows of two recordings, one more bent than the other, take turns."""
+    here = gesturing(1, seed=3)
+    there = here.copy()
+    there[:, 1:] += [0.03, 0.0, 0.0]
+    motion = played(windows(np.repeat(np.concatenate([here, there] * 10), WINDOW, axis=0)))
+    head = motion[80:, INDEX["head"], 0]
+    assert np.ptp(head) < 0.6 * 0.03
+    assert np.abs(np.diff(head)).max() < 0.15 * 0.03
+    stays = played(windows(np.repeat(np.concatenate([here, there]), 5 * WINDOW, axis=0)))
+    assert np.linalg.norm(stays[-1] - there[0], axis=-1).max() < 0.001
 
 
 def test_bones_keep_their_lengths():
