@@ -28,6 +28,9 @@ PARENTS = {
 BONES = tuple((INDEX[parent], INDEX[child]) for child, parent in PARENTS.items())
 """Parent and child of each of the 16 bones, by index; a parent is placed before its children."""
 
+IN_ARM = np.array([name.endswith(("elbow", "wrist", "index", "little")) for name in KEYPOINTS])
+"""(17,) bool: the keypoints of both arms; the others are trunk, head, shoulders and hips."""
+
 MATCHED = tuple(
     f"{side}_{part}" for side in ("left", "right") for part in ("wrist", "elbow", "index", "little")
 )

@@ -166,6 +166,10 @@ def command_line() -> argparse.ArgumentParser:
     )
     train.add_argument("database", metavar="DATABASE", help="database file, or 'demo'")
     train.add_argument("-o", "--output", type=Path, required=True, metavar="MODEL.onnx", help="model file")
+    train.add_argument(
+        "--speech", metavar="DATABASE",
+        help="more recordings to learn from, for whose sound DATABASE is searched; 'shuffled:8' for 'demo'",
+    )  # fmt: skip
     train.add_argument("--iterations", type=int, default=300_000, metavar="N", help="as MM22: 300000")
     train.add_argument(
         "--recipe", choices=("paper", "light", "steered"), default="paper",

@@ -36,7 +36,9 @@ def command(options: argparse.Namespace) -> int:
         raise InvalidValueError("kind of model file", options.output.name, [".onnx"])
     if "WORLD_SIZE" in os.environ:  # set by torchrun
         distributed.init_process_group("nccl" if cuda.is_available() else "gloo")
-    training = Training(load_database(options.database), options.output, settings, distances)
+    database = load_database(options.database)
+    spoken = load_database(options.speech) if options.speech else database
+    training = Training(database, spoken, options.output, settings, distances)
     try:
         training.run(iterations)
     except KeyboardInterrupt:

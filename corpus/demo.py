@@ -12,6 +12,7 @@ from functools import lru_cache, partial
 from importlib.metadata import version
 from os import cpu_count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -80,35 +81,50 @@ def _loaded(path: Path, written: int) -> Database:
 
 
 def database_path(name: str) -> Path:
-    """The file of a database, or of the demo corpus: "demo", or a longer one of N rounds, "demo:N".
+    """The file of a database, or of the demo corpus, "demo".
+
+    For a network to learn from, there is more of the same speaker, some 20 minutes a round: "shuffled:N" is N
+    rounds in which the words of each sentence stand in another order. So it says nothing that the demo corpus
+    says.
 
     Raises:
         InvalidValueError: N is no number of rounds.
     """
-    demo, colon, rounds = name.partition(":")
-    if demo != "demo" or Path(name).exists():
+    kind, _, rounds = name.partition(":")
+    if name == "demo":
+        return demo_database()
+    if kind != "shuffled" or Path(name).exists():
         return Path(name)
-    if colon and not (rounds.isdecimal() and int(rounds)):
-        raise InvalidValueError("number of rounds of the demo corpus", rounds, ["1 and more"])
-    return demo_database(int(rounds)) if colon else demo_database()
+    if not (rounds.isdecimal() and int(rounds)):
+        raise InvalidValueError("number of rounds in shuffled:N", rounds, ["1 and more"])
+    return _built(f"shuffled-{rounds}", rounds=int(rounds), seed=2, shuffled=True)
 
 
-def demo_database(rounds: int = ROUNDS) -> Path:
-    """The demo corpus's file, built on first use; a round says every sentence once, some 20 minutes.
+def demo_database() -> Path:
+    """The demo corpus's file, built on first use.
 
     Two processes that come first build it twice; each puts the same whole file in place.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    path = cache_dir() / f"demo-{rounds}-{_fingerprint()}.safetensors"
+    return _built("demo", rounds=ROUNDS)
+
+
+def _built(name: str, **settings: Any) -> Path:
+    """The file of a corpus of all sentences; for the settings see demo_corpus."""
+    path = cache_dir() / f"{name}-{_fingerprint()}.safetensors"
     if not path.exists():
-        demo_corpus(SENTENCES, rounds=rounds).save(path)
+        demo_corpus(SENTENCES, **settings).save(path)
     return path
 
 
 def demo_corpus(
-    sentences: Mapping[str, Sequence[str]], rounds: int = 1, workers: int | None = None, seed: int = 0
+    sentences: Mapping[str, Sequence[str]],
+    rounds: int = 1,
+    workers: int | None = None,
+    seed: int = 0,
+    shuffled: bool = False,
 ) -> Database:
     """Speak the sentences of each emotion and gesture to them.
 
@@ -117,10 +133,13 @@ def demo_corpus(
         rounds: How often each is said.
         workers: Threads, as many as processors by default; the result does not depend on it.
         seed: Of every choice.
+        shuffled: Whether the words of a sentence stand in another order each time.
     """
-    performed = demo_performances(sentences, "building the demo corpus", rounds, workers, seed)
+    title = "building the demo corpus"
+    performed = demo_performances(sentences, title, rounds, workers, seed, shuffled)
     recordings = (recording for recording, _ in performed)
-    return build_database(recordings, {**PROVENANCE, "settings": {"rounds": rounds, "seed": seed}})
+    settings = {"rounds": rounds, "seed": seed, "shuffled": shuffled}
+    return build_database(recordings, {**PROVENANCE, "settings": settings})
 
 
 def demo_performances(
@@ -129,6 +148,7 @@ def demo_performances(
     rounds: int = 1,
     workers: int | None = None,
     seed: int = 0,
+    shuffled: bool = False,
 ) -> Iterator[tuple[Recording, np.ndarray]]:
     """The recordings of the demo speaker, each with its samples; see demo_corpus.
 
@@ -138,8 +158,11 @@ def demo_performances(
         rounds: How often each is said.
         workers: Threads.
         seed: Of every choice.
+        shuffled: See demo_corpus.
     """
-    takes = [take for emotion, said in sentences.items() for take in _takes(emotion, said, rounds, seed)]
+    takes = [
+        take for emotion, said in sentences.items() for take in _takes(emotion, said, rounds, seed, shuffled)
+    ]
     with ThreadPoolExecutor(workers or cpu_count()) as pool:
         performed = pool.map(partial(_record, load_voice("embedded")), takes)
         yield from tqdm(performed, title, len(takes), unit="recording", disable=None)
@@ -156,12 +179,14 @@ class _Take:
     seed: tuple[int, ...]
 
 
-def _takes(emotion: str, sentences: Sequence[str], rounds: int, seed: int) -> list[_Take]:
+def _takes(emotion: str, sentences: Sequence[str], rounds: int, seed: int, shuffled: bool) -> list[_Take]:
     """Split an emotion's sentences into recordings, and add a silent one."""
     generator = np.random.default_rng([seed, *emotion.encode()])
     groups: list[tuple[str, ...]] = [()]
     for _ in range(rounds):
         left = list(generator.permutation(sentences))
+        if shuffled:
+            left = [" ".join(generator.permutation(sentence.split())) for sentence in left]
         while left:
             count = TOGETHER[len(groups) % len(TOGETHER)]
             groups.append(tuple(map(str, left[:count])))

@@ -25,7 +25,7 @@ class GestureRefiner(GestureNode):
         database = self.parameter(
             "database",
             "demo",
-            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
+            "Gesture database: a file, or 'demo' (built on first use)",
         )
         model = self.parameter(
             "model",

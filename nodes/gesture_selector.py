@@ -27,7 +27,7 @@ class GestureSelector(GestureNode):
         database = self.parameter(
             "database",
             "demo",
-            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
+            "Gesture database: a file, or 'demo' (built on first use)",
         )
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         emotion = self.parameter("emotion", "neutral", "Emotion at the start: a name of config/emotions.yaml")

@@ -43,9 +43,7 @@ ARGUMENTS = (
         "off",
         "Where others are heard: 'off', 'default', a part of a sound card's name, or 'topic' (audio_common)",
     ),
-    Argument(
-        "database", "demo", "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one"
-    ),
+    Argument("database", "demo", "Gesture database: a file, or 'demo' (built on first use)"),
     Argument(
         "model",
         "shipped",

@@ -59,7 +59,7 @@ class Studio(Operator):
         database = self.parameter(
             "database",
             "demo",
-            "Gesture database: a file, 'demo' (built on first use), or 'demo:8', a larger one",
+            "Gesture database: a file, or 'demo' (built on first use)",
         )
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         address = self.parameter("studio_address", "127.0.0.1:8080", "Where the page is: HOST:PORT")

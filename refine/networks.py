@@ -6,7 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from gesture_bot.base.keypoints import BONES
+from gesture_bot.base.keypoints import BONES, IN_ARM
 from gesture_bot.corpus.database import SEQUENCE
 from gesture_bot.refine.bounds import BOUNDS
 from gesture_bot.speech.features import FEATURES
@@ -22,6 +22,9 @@ CHANNELS = (128, 256, 256, 512)
 
 CRITIC_CHANNELS = (512, 256, 128)
 """Of the critic's blocks, in pairs (the authors' code)."""
+
+_ARMS = torch.tensor([float(IN_ARM[child]) for _, child in BONES]).repeat_interleave(3)[:, None]
+"""(48, 1) 1 for the numbers of arm bones, 0 for those of others."""
 
 SLOPE = 0.2
 """Of the leaky ReLU."""
@@ -59,8 +62,9 @@ class Generator(nn.Module):
     the last convolution starts at zero, and what it says is added to the gesture. So training starts from
     motion without jumps; the paper's generator first has to learn to repeat what was found. Convolutions look
     back: a frame sees no more of what comes than the rest of its window of 8, so that the last 8 frames of a
-    sequence, which are shown, are those that the critic saw. MM22 names it a limit that the network does not
-    see the controls; here it can.
+    sequence, which are shown, are those that the critic saw. It changes the arms alone: trunk and head move
+    so little that all it adds there is noise. MM22 names it a limit that the network does not see the
+    controls: here it can.
 
     Args:
         width: Share of the authors' channels.
@@ -79,6 +83,7 @@ class Generator(nn.Module):
         self.pool, self.upsample = nn.AvgPool1d(2), nn.Upsample(scale_factor=2)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
+        self.register_buffer("arms", _ARMS, persistent=False)
 
     def forward(self, heard: torch.Tensor, gesture: torch.Tensor) -> torch.Tensor:
         """(b, 28, t), or (b, 60, t) with controls, and (b, 48, t), z-scored -> (b, 48, t); t is 8 n."""
@@ -91,7 +96,7 @@ class Generator(nn.Module):
         hidden = self.bottom(self.encoder[-1](hidden))
         for pair in self.decoder:
             hidden = pair(torch.cat([self.upsample(hidden), skipped.pop()], dim=1))
-        return gesture + hidden
+        return gesture + self.arms * hidden
 
 
 class Critic(nn.Module):
@@ -100,7 +105,8 @@ class Critic(nn.Module):
     6 [convolution, instance norm, leaky ReLU] blocks, average pooling after every second, a linear layer.
 
     Our own, with `motion`: there is no norm, which hides from the critic where the hands are and how far they
-    go, and beside the gesture it sees velocity and acceleration, each in deviations of real motion.
+    go, and beside the gesture it sees velocity and acceleration, each in deviations of real motion. Of the
+    gesture, it sees the arms alone.
 
     Args:
         width: Share of the authors' channels.
@@ -112,6 +118,7 @@ class Critic(nn.Module):
         self, width: float = 1.0, controls: bool = False, motion: torch.Tensor | None = None
     ) -> None:
         super().__init__()
+        self.register_buffer("arms", _ARMS, persistent=False)
         self._motion = motion
         seen, norm = (GESTURE, nn.InstanceNorm1d) if motion is None else (3 * GESTURE, nn.Identity)
         channels = _scaled(CRITIC_CHANNELS, width)
@@ -123,6 +130,7 @@ class Critic(nn.Module):
 
     def seen(self, gesture: torch.Tensor) -> torch.Tensor:
         """What it looks at: (b, 48, 64), z-scored -> (b, c, 64), linear."""
+        gesture = self.arms * gesture
         if self._motion is None:
             return gesture
         changes = [

@@ -31,10 +31,10 @@ class Walk:
 
     Attributes:
         recording: Its number.
-        rows: (n,) of the database: sound and real motion.
-        found: (3, n) rows of the motion that was found: always the best match; drawn for each of the
-            search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A window
-            begins every 8 frames.
+        rows: (n,) of the recordings: sound and real motion.
+        found: (3, n) rows of the database, the motion that was found: always the best match; drawn for each
+            of the search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A
+            window begins every 8 frames.
         joined: (3, n, 17, 3) that motion without jumps where windows meet [m].
         bounds: (n, 16) the controls, which the real motion keeps; see bounds.bounds_of.
     """
@@ -60,23 +60,25 @@ def held_out(database: Database, seed: int) -> np.ndarray:
     return np.sort(np.random.default_rng(seed).permutation(recordings)[:count])
 
 
-def walks(database: Database, held: np.ndarray, seed: int) -> list[Walk]:
+def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> list[Walk]:
     """Run the search of MM22 over the sound of all recordings.
 
-    It runs through each recording as it would for speech, from rest on, each window the next query. Whatever
-    it finds is from another recording, and from none that is held out: their sequences are taken out of the
-    control mask. As in the selector, no window comes back within LATELY.
+    It runs through each recording as it would for speech, from rest on, each window the next query. Where the
+    recordings are those that are searched, too, what it finds is from another one, and from none that is held
+    out: their sequences are taken out of the control mask. As in the selector, no window comes back within
+    LATELY.
 
     Args:
-        database: What is searched, and whose sound it is.
-        held: The recordings that are held out.
+        database: What is searched.
+        spoken: The recordings; it may be the same.
+        held: Those of them that are held out.
         seed: Of the draw.
     """
-    walker = _Walker(database, held, seed)
+    walker = _Walker(database, spoken, held, seed)
     return [
         walker.walk(int(recording), rows)
-        for recording in tqdm(np.unique(database.recording), "searching", unit="recording", disable=None)
-        for rows in stretches(database, recording)
+        for recording in tqdm(np.unique(spoken.recording), "searching", unit="recording", disable=None)
+        for rows in stretches(spoken, recording)
     ]
 
 
@@ -99,12 +101,13 @@ def joined(windows: np.ndarray) -> np.ndarray:
 
 
 class _Walker:
-    def __init__(self, database: Database, held: np.ndarray, seed: int) -> None:
-        self._database, self._held, self._seed = database, held, seed
+    def __init__(self, database: Database, spoken: Database, held: np.ndarray, seed: int) -> None:
+        self._database, self._spoken, self._held, self._seed = database, spoken, held, seed
         self._search = Search(database)
         self._rest = self._search.pose_of(rest_pose(database))
         self._controls = Controls(database)
-        self._measured = np.concatenate([measure(database)[quantity] for quantity in QUANTITIES]).T
+        measured = measure(spoken)
+        self._measured = np.concatenate([measured[quantity] for quantity in QUANTITIES]).T
         self._ranked = np.sort(self._measured, axis=0)
 
     def walk(self, recording: int, rows: np.ndarray) -> Walk:
@@ -112,7 +115,9 @@ class _Walker:
         generator = np.random.default_rng([self._seed, recording, rows[0]])
         windows = -(-len(rows) // WINDOW)
         best, others = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
-        allowed = (self._database.recording != recording) & ~np.isin(self._database.recording, self._held)
+        allowed = np.ones(len(self._database.starts), bool)
+        if self._spoken is self._database:
+            allowed = ~np.isin(self._database.recording, [recording, *self._held])
         free = self._admission(np.full(BOUNDS, np.nan), allowed)
         asked = hindsight(self._measured[rows], self._ranked, generator)[::WINDOW]
         steered = self._steered(asked, allowed, free)
@@ -156,7 +161,7 @@ class _Walker:
         pose, found = self._rest, []
         lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
         for row, admission, k in zip(rows[::WINDOW], admissions, ks, strict=True):
-            sound = self._search.audio_of(self._database.features[row : row + AUDIO_OFFSETS[-1] + 1])
+            sound = self._search.audio_of(self._spoken.features[row : row + AUDIO_OFFSETS[-1] + 1])
             match = self._search.find(pose, sound, admission.without(lately), int(k))
             assert match  # there are others
             first = self._search.row(match.sequence, match.frame)

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.base.fading import faded
 from gesture_bot.base.frames import KeypointClip
-from gesture_bot.base.keypoints import KEYPOINTS, bone_lengths, with_bone_lengths
+from gesture_bot.base.keypoints import IN_ARM, KEYPOINTS, bone_lengths, with_bone_lengths
 
 SIGMA = 1.5
 """Standard deviation of the Gaussian over time [frames] (LSG21)."""
@@ -21,7 +21,6 @@ In arms, under 3% of it is left at the end of an 8-frame window. Trunk, head and
 every recording, and move so little within one that they must not follow each window.
 """
 
-_IN_ARM = np.array([[name.endswith(("elbow", "wrist", "index", "little"))] for name in KEYPOINTS])
 
 HISTORY = 60
 """Frames kept before the last clip; a new clip may cut the motion that far back."""
@@ -122,9 +121,9 @@ def _seam_offset(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     after_position, after_velocity = _extended(after)
     offset = position - after_position
     # What moves slowly has no velocity that is worth to go on for so long.
-    offset_velocity = np.where(_IN_ARM, -velocity - after_velocity, 0)
+    offset_velocity = np.where(IN_ARM[:, None], -velocity - after_velocity, 0)
     elapsed = (np.arange(len(after)) + 0.5)[:, None, None]
-    return faded(offset, offset_velocity, elapsed, np.where(_IN_ARM, ARMS, TRUNK))[0]
+    return faded(offset, offset_velocity, elapsed, np.where(IN_ARM, ARMS, TRUNK)[:, None])[0]
 
 
 def _extended(frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

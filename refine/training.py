@@ -66,7 +66,8 @@ class Training:
     generator that did best so far on the recordings that are held out.
 
     Args:
-        database: To train on.
+        database: What the search searches.
+        spoken: Recordings to learn from: for their sound, motion is searched; it may be the same.
         output: The model file, .onnx.
         settings: See Settings.
         judge: Tells how far made motion is from real.
@@ -80,18 +81,21 @@ class Training:
         FileFormatError: There is a checkpoint of another training.
     """
 
-    def __init__(self, database: Database, output: Path, settings: Settings, judge: Judge) -> None:
-        self._database, self._output, self._settings, self._judge = database, output, settings, judge
+    def __init__(
+        self, database: Database, spoken: Database, output: Path, settings: Settings, judge: Judge
+    ) -> None:
+        self._databases, self._spoken = (database, spoken), spoken
+        self._output, self._settings, self._judge = output, settings, judge
         self.iteration, self.rows = 0, list[dict[str, float]]()
         self._best: dict[str, Any] = {"distances": {}, "iteration": 0, "generator": {}}
         saved = self._read_checkpoint()
-        held = held_out(database, settings.seed)
-        found = walks(database, held, settings.seed)
+        held = held_out(spoken, settings.seed)
+        found = walks(database, spoken, held, settings.seed)
         trained = [walk for walk in found if walk.recording not in held]
         self._tested = [walk for walk in found if walk.recording in held]
         rows = np.concatenate([walk.rows for walk in trained])
         steered = RECIPES[settings.recipe].controls
-        self._card = Card.of(database, rows, steered, asdict(settings))
+        self._card = Card.of(database, spoken, rows, steered, asdict(settings))
         self._card.training["held_out"] = held.tolist()
         # Every 8 frames (MM22: 5), where the search's windows end, as when they are refined one by one.
         begins = np.cumsum([0, *(len(walk.rows) for walk in trained)])[:-1]
@@ -105,10 +109,10 @@ class Training:
         ]
         joined = np.concatenate([walk.joined for walk in trained], axis=1)
         bounds = np.concatenate([walk.bounds for walk in trained])
-        heard = self._card.heard_in(database.features[rows], bounds).T
+        heard = self._card.heard_in(spoken.features[rows], bounds).T
         self._gan = Gan(
             heard[:, :FEATURES].copy(),
-            self._card.gesture_in(database.keypoints[rows]).T.copy(),
+            self._card.gesture_in(spoken.keypoints[rows]).T.copy(),
             np.swapaxes(self._card.gesture_in(joined), 1, 2).copy(),
             heard[:, FEATURES:].copy(),
             Missed(self._card),
@@ -176,13 +180,13 @@ class Training:
         self.rows.append({"iteration": iteration, **losses})
         if iteration % self._settings.test_every and not last:
             return
-        refined, features = partial(self._card.refined, self._gan.run), self._database.features
+        refined, features = partial(self._card.refined, self._gan.run), self._spoken.features
         # k = 1 and no controls, as when the robot speaks.
         made = [
             refined_motion(refined, features[walk.rows], walk.joined[0], np.full_like(walk.bounds, np.nan))
             for walk in self._tested
         ]
-        real = [self._database.keypoints[walk.rows].astype(np.float64) for walk in self._tested]
+        real = [self._spoken.keypoints[walk.rows].astype(np.float64) for walk in self._tested]
         distances = self._judge(made, real)
         self.rows[-1] |= distances
         (name, distance), *_ = distances.items()
@@ -222,9 +226,10 @@ class Training:
     def _identity(self) -> dict[str, Any]:
         """What a checkpoint must have in common with a training that goes on from it."""
         digest = hashlib.blake2b(digest_size=8)
-        for array in (self._database.starts, self._database.keypoint_mean, self._database.feature_mean):
-            digest.update(array.tobytes())
-        return {"database": digest.hexdigest(), **asdict(self._settings)}
+        for database in self._databases:
+            for array in (database.starts, database.keypoint_mean, database.feature_mean):
+                digest.update(array.tobytes())
+        return {"databases": digest.hexdigest(), **asdict(self._settings)}
 
     def _read_checkpoint(self) -> dict[str, Any] | None:
         if not self.checkpoint.exists():

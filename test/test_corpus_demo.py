@@ -52,18 +52,27 @@ def test_it_is_built_once_and_kept(monkeypatch, tmp_path):
     path = demo_database()
     assert path.is_relative_to(tmp_path)
     assert Database.load(path).names["emotion"] == ("bored",)
-    more = load_database("demo:5")
+    more = load_database("shuffled:5")
     assert more.names["emotion"] == ("bored",)
     assert len(more.keypoints) > 1.5 * len(Database.load(path).keypoints)
     monkeypatch.setattr(demo, "demo_corpus", None)
     assert database_path("demo") == path
-    assert load_database("demo:5") is more
+    assert load_database("shuffled:5") is more
+
+
+def test_shuffled_sentences_have_their_words_in_another_order(monkeypatch):
+    said = []
+    monkeypatch.setattr(demo, "_record", lambda voice, take: said.extend(take.sentences))
+    list(demo.demo_performances({"sad": FEW["sad"]}, "", rounds=3, workers=1, shuffled=True))
+    assert len(set(said)) > 4
+    assert not set(said) & set(FEW["sad"])
+    assert {tuple(sorted(one.split())) for one in said} == {tuple(sorted(one.split())) for one in FEW["sad"]}
 
 
 @pytest.mark.parametrize("rounds", ["", "0", "many"])
 def test_rounds_that_are_no_number_are_refused(rounds):
-    with pytest.raises(InvalidValueError, match=f"rounds of the demo corpus '{rounds}' .*1 and more"):
-        load_database(f"demo:{rounds}")
+    with pytest.raises(InvalidValueError, match=f"rounds in shuffled:N: '{rounds}'; valid: 1 and more"):
+        load_database(f"shuffled:{rounds}")
 
 
 def test_an_interrupted_build_leaves_nothing(monkeypatch, tmp_path):

@@ -176,7 +176,7 @@ def few_draws(monkeypatch):
 class Still:
     """A network that holds a pose."""
 
-    def refined(self, features, keypoints):
+    def refined(self, features, keypoints, bounds):
         return np.broadcast_to(STANDARD, keypoints.shape)
 
 

@@ -47,7 +47,7 @@ SETTINGS = Settings("steered", width=1 / 32, batch=4, report_every=10, test_ever
 
 
 def training(database, output, settings=SETTINGS):
-    return Training(database, output, settings, distances)
+    return Training(database, database, output, settings, distances)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_pairs_are_from_another_recording_and_none_that_is_held_out(database):
     recording = np.full(len(database.keypoints), -1)
     for start, number in zip(database.starts, database.recording, strict=True):
         recording[start : start + 64] = number
-    found = walks(database, held, seed=3)
+    found = walks(database, database, held, seed=3)
     assert [walk.recording for walk in found] == list(range(6))
     for walk in found:
         assert set(recording[walk.rows]) == {walk.recording}
@@ -92,7 +92,7 @@ def test_pairs_are_from_another_recording_and_none_that_is_held_out(database):
 
 def test_controls_are_kept_by_what_is_real_and_by_what_is_found(database):
     measured = np.concatenate(list(measure(database).values())).T
-    found = walks(database, held_out(database, seed=3), seed=3)
+    found = walks(database, database, held_out(database, seed=3), seed=3)
     bounds = np.concatenate([walk.bounds for walk in found])
     asked = np.isfinite(bounds)
     assert 0.3 < asked.any(axis=1).mean() < 1
