@@ -64,9 +64,14 @@ class Speaker:
         return np.concatenate([static + loud * (theirs - static), derivative]).astype(np.float32)
 
 
+def is_loud(features: np.ndarray) -> np.ndarray:
+    """Whether frames are loud enough to be speech: (n, 28) -> (n,) bool; all, where none is."""
+    loud = features[:, COEFFICIENTS] > LEAST_SPEECH
+    return loud if loud.any() else np.ones(len(features), bool)
+
+
 def speech_statistics(database: Database) -> tuple[np.ndarray, np.ndarray]:
     """(STATIC,) mean and (STATIC,) deviation of a database's features over its frames of speech."""
-    loud = database.features[:, COEFFICIENTS] > LEAST_SPEECH
-    static = database.features[loud if loud.any() else slice(None), :STATIC].astype(np.float64)
+    static = database.features[is_loud(database.features), :STATIC].astype(np.float64)
     deviation = static.std(axis=0)
     return static.mean(axis=0), np.where(deviation > 0, deviation, 1.0)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from tqdm import tqdm
 
 from gesture_bot.base.errors import InvalidValueError
@@ -13,10 +14,12 @@ from gesture_bot.base.keypoints import with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching.controls import FEWEST, Admission, Controls
 from gesture_bot.matching.features import AUDIO_OFFSETS
+from gesture_bot.matching.hearing import ONSET
 from gesture_bot.matching.quantities import QUANTITIES, measure
 from gesture_bot.matching.search import MAX_K, Search, eligible
 from gesture_bot.matching.selector import LATELY
 from gesture_bot.matching.settling import rest_pose
+from gesture_bot.matching.speaker import Speaker, is_loud, speech_statistics
 from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of
 from gesture_bot.refine.hindsight import hindsight
 from gesture_bot.refine.smoothing import WindowJoiner
@@ -27,11 +30,12 @@ HELD_OUT = 0.1
 
 @dataclass(frozen=True)
 class Walk:
-    """A stretch of a recording, and what the search finds for its sound.
+    """A stretch of speech, and what the search finds for its sound.
 
     Attributes:
         recording: Its number.
         rows: (n,) of the recordings: sound and real motion.
+        heard: (n, 28) the sound in the voice of the database, as the selector hears it; see Speaker.
         found: (3, n) rows of the database, the motion that was found: always the best match; drawn for each
             of the search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A
             window begins every 8 frames.
@@ -41,6 +45,7 @@ class Walk:
 
     recording: int
     rows: np.ndarray
+    heard: np.ndarray
     found: np.ndarray
     joined: np.ndarray
     bounds: np.ndarray
@@ -63,10 +68,10 @@ def held_out(database: Database, seed: int) -> np.ndarray:
 def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> list[Walk]:
     """Run the search of MM22 over the sound of all recordings.
 
-    It runs through each recording as it would for speech, from rest on, each window the next query. Where the
-    recordings are those that are searched, too, what it finds is from another one, and from none that is held
-    out: their sequences are taken out of the control mask. As in the selector, no window comes back within
-    LATELY.
+    It runs through each stretch of speech of at least 64 frames, from rest on, each window the next query, as
+    when the robot speaks. Where the recordings are those that are searched, too, what it finds is from another
+    one, and from none that is held out: their sequences are taken out of the control mask. As in the selector,
+    no window comes back within LATELY.
 
     Args:
         database: What is searched.
@@ -76,9 +81,10 @@ def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> 
     """
     walker = _Walker(database, spoken, held, seed)
     return [
-        walker.walk(int(recording), rows)
+        walk
         for recording in tqdm(np.unique(spoken.recording), "searching", unit="recording", disable=None)
         for rows in stretches(spoken, recording)
+        for walk in walker.walks(int(recording), rows)
     ]
 
 
@@ -105,13 +111,24 @@ class _Walker:
         self._database, self._spoken, self._held, self._seed = database, spoken, held, seed
         self._search = Search(database)
         self._rest = self._search.pose_of(rest_pose(database))
-        self._controls = Controls(database)
+        self._controls, self._voice = Controls(database), speech_statistics(database)
         measured = measure(spoken)
         self._measured = np.concatenate([measured[quantity] for quantity in QUANTITIES]).T
         self._ranked = np.sort(self._measured, axis=0)
 
-    def walk(self, recording: int, rows: np.ndarray) -> Walk:
-        """Of consecutive rows (n,) of a recording."""
+    def walks(self, recording: int, rows: np.ndarray) -> Iterator[Walk]:
+        """Of the speech in consecutive rows (n,) of a recording."""
+        features = self._spoken.features[rows]
+        loud, speaker = is_loud(features), Speaker(*self._voice)
+        heard = np.stack([speaker.push(*frame) for frame in zip(features, loud, strict=True)])
+        # Arms move a little before speech, and through short pauses.
+        speech = maximum_filter1d(loud, 2 * ONSET + 1)
+        for run in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(speech)) + 1):
+            if speech[run[0]] and len(run) >= SEQUENCE:
+                yield self._walk(recording, rows[run], heard, run[0])
+
+    def _walk(self, recording: int, rows: np.ndarray, heard: np.ndarray, begin: int) -> Walk:
+        """Of consecutive rows (n,) of a recording, of whose stretch (m, 28) is heard, from a frame on."""
         generator = np.random.default_rng([self._seed, recording, rows[0]])
         windows = -(-len(rows) // WINDOW)
         best, others = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
@@ -124,17 +141,18 @@ class _Walker:
         either = np.where(generator.random(windows) < 0.5, best, others)
         found = np.stack(
             [
-                self._found(rows, [free] * windows, best),
-                self._found(rows, [free] * windows, others),
-                self._found(rows, steered, either),
+                self._found(heard[begin:], [free] * windows, best),
+                self._found(heard[begin:], [free] * windows, others),
+                self._found(heard[begin:], steered, either),
             ]
         )
         bounds = np.stack([bounds_of(admission.kept) for admission in steered])
         return Walk(
             recording,
             rows,
-            found,
-            np.stack([joined(self._database.keypoints[one]) for one in found]),
+            heard[begin:][: len(rows)],
+            found[:, : len(rows)],
+            np.stack([joined(self._database.keypoints[one]) for one in found[:, : len(rows)]]),
             np.repeat(bounds, WINDOW, axis=0)[: len(rows)],
         )
 
@@ -156,16 +174,16 @@ class _Walker:
         sequences = int(eligible(mask).any(axis=1).sum())
         return replace(admission, mask=mask, sequences=sequences)
 
-    def _found(self, rows: np.ndarray, admissions: list[Admission], ks: np.ndarray) -> np.ndarray:
-        """(n,) rows of the motion that is found for the sound of others (n,)."""
+    def _found(self, heard: np.ndarray, admissions: list[Admission], ks: np.ndarray) -> np.ndarray:
+        """(8 w,) rows of the motion of w windows that is found for sound (n, 28)."""
         pose, found = self._rest, []
         lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
-        for row, admission, k in zip(rows[::WINDOW], admissions, ks, strict=True):
-            sound = self._search.audio_of(self._spoken.features[row : row + AUDIO_OFFSETS[-1] + 1])
+        for window, (admission, k) in enumerate(zip(admissions, ks, strict=True)):
+            sound = self._search.audio_of(heard[WINDOW * window :][: AUDIO_OFFSETS[-1] + 1])
             match = self._search.find(pose, sound, admission.without(lately), int(k))
             assert match  # there are others
             first = self._search.row(match.sequence, match.frame)
             found.append(np.arange(first, first + WINDOW))
             pose = self._search.pose_at(first + WINDOW - 1)
             lately.appendleft((match.sequence, match.frame))
-        return np.concatenate(found)[: len(rows)]
+        return np.concatenate(found)

@@ -109,7 +109,7 @@ class Training:
         ]
         joined = np.concatenate([walk.joined for walk in trained], axis=1)
         bounds = np.concatenate([walk.bounds for walk in trained])
-        heard = self._card.heard_in(spoken.features[rows], bounds).T
+        heard = self._card.heard_in(np.concatenate([walk.heard for walk in trained]), bounds).T
         self._gan = Gan(
             heard[:, :FEATURES].copy(),
             self._card.gesture_in(spoken.keypoints[rows]).T.copy(),
@@ -180,10 +180,10 @@ class Training:
         self.rows.append({"iteration": iteration, **losses})
         if iteration % self._settings.test_every and not last:
             return
-        refined, features = partial(self._card.refined, self._gan.run), self._spoken.features
+        refined = partial(self._card.refined, self._gan.run)
         # k = 1 and no controls, as when the robot speaks.
         made = [
-            refined_motion(refined, features[walk.rows], walk.joined[0], np.full_like(walk.bounds, np.nan))
+            refined_motion(refined, walk.heard, walk.joined[0], np.full_like(walk.bounds, np.nan))
             for walk in self._tested
         ]
         real = [self._spoken.keypoints[walk.rows].astype(np.float64) for walk in self._tested]
