@@ -9,18 +9,20 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from types import FrameType
-from typing import NoReturn
+from contextlib import ExitStack, contextmanager, suppress
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
+from gesture_bot.nodes.interruption import Interruption
+from gesture_bot.nodes.managed import ManagedNode
 
 PATIENCE = 3.0
 """A node beside the others has so long to end [s]."""
@@ -111,44 +113,46 @@ def _end_with_parent() -> None:
 
 
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
-    signal.signal(signal.SIGINT, _interrupt_once)  # before rclpy's own handler, which passes it on
-    rclpy.init(args=list(args))
-    # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
-    executor = SingleThreadedExecutor()
-    running = []
+    interruption = Interruption()
+    running: list[Node] = []
     try:
-        for node in nodes:
-            module = importlib.import_module(f"gesture_bot.nodes.{node.name}")
-            overrides = [Parameter(name, value=values[name]) for name in node.arguments if name in values]
-            running.append(
-                getattr(module, node.class_name)(
-                    node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides
+        with suppress(KeyboardInterrupt, ExternalShutdownException):
+            # rclpy's own handlers end its context, in which a node that is being built would fail.
+            rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
+            for node in nodes:
+                kind = getattr(importlib.import_module(f"gesture_bot.nodes.{node.name}"), node.class_name)
+                overrides = [Parameter(name, value=values[name]) for name in node.arguments if name in values]
+                # One that takes hardware is built to its end, so that it can give it back.
+                interruption.held = issubclass(kind, ManagedNode)
+                running.append(
+                    kind(node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides)
                 )
-            )
-            executor.add_node(running[-1])
-        executor.spin()
+                interruption.check()
+            _work(running)
     except GestureBotError as error:
         return _report(error)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:
-        # Ctrl-C may come while a message is taken, and ends rclpy's context a moment later.
-        time.sleep(0.2)
-        if rclpy.ok():
-            raise
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # also where something else than Ctrl-C ended it
+        interruption.ignore()  # also where something else than a signal ended it
         # The bus first: it was built last, and brings the robot to rest while the others still stand.
-        for node in reversed(running):
-            node.destroy_node()
+        for built in reversed(running):
+            built.destroy_node()
         rclpy.try_shutdown()
     return 0
 
 
-def _interrupt_once(signum: int, frame: FrameType | None) -> NoReturn:
-    """A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    raise KeyboardInterrupt
+def _work(nodes: Sequence[Node]) -> None:
+    # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    install_signal_handlers()  # they wake an executor that waits, and pass the signal on
+    try:
+        executor.spin()
+    except RuntimeError:
+        # The signal may come while a message is taken, and ends rclpy's context a moment later.
+        time.sleep(0.2)
+        if rclpy.ok():
+            raise
 
 
 def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: str) -> int:
