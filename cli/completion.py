@@ -2,7 +2,7 @@
 
 import argparse
 
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE
+from gesture_bot.nodes.graph import ARGUMENTS, COMMON
 
 FILES = {
     "speech": ("wav", "flac", "ogg"),
@@ -10,6 +10,7 @@ FILES = {
     "model": ("onnx",),
     "banks": ("yaml",),
     "robot": ("yaml",),
+    "parameters": ("yaml",),
 }
 """Endings of the files that an argument may be; folders lead to them, or are it."""
 
@@ -28,7 +29,7 @@ def complete_graph(prefix: str, **_: object) -> list[str]:
 
     name, separator, value = prefix.partition(":=")
     if not separator:
-        return [f"{argument.name}:=" for argument in (*ARGUMENTS, NAMESPACE)]
+        return [f"{argument.name}:=" for argument in (*ARGUMENTS, *COMMON)]
     files = FilesCompleter(FILES[name])(value) if name in FILES else []
     return [f"{name}:={value}" for value in (*_values(name), *files)]
 

@@ -10,9 +10,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
@@ -46,6 +49,7 @@ def command(options: argparse.Namespace) -> int:
     Raises:
         GestureBotError: The robot cannot be loaded, or the graph did not start, or ended early.
     """
+    signal.signal(signal.SIGTERM, _end)
     console, output = Console(), options.output
     values = parse_arguments(options.arguments, [a for a in ARGUMENTS if a.name in TAKEN])
     display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
@@ -58,7 +62,7 @@ def command(options: argparse.Namespace) -> int:
         console.print("studio:=true opens a page to see and steer it, by default at http://127.0.0.1:8080/")
     output.mkdir(parents=True, exist_ok=True)
     log = output / "graph.log"
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     director = DemoDirector(robot)
     executor = SingleThreadedExecutor()
     executor.add_node(director)
@@ -91,6 +95,11 @@ def command(options: argparse.Namespace) -> int:
         f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav."
     )
     return 0
+
+
+def _end(number: int, _frame: FrameType | None) -> NoReturn:
+    """As a shell tells it; the graph ends, too."""
+    raise SystemExit(128 + number)
 
 
 @contextmanager

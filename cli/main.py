@@ -11,7 +11,7 @@ from pathlib import Path
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.cli.completion import complete_graph
 from gesture_bot.cli.help import GUIDE, Parser
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE
+from gesture_bot.nodes.graph import ARGUMENTS, COMMON
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -59,7 +59,7 @@ def command_line() -> argparse.ArgumentParser:
         + "\n".join(
             f"  {argument.name}:={'...' if argument.default == '' else argument.default}\n"
             f"      {argument.description}"
-            for argument in (*ARGUMENTS, NAMESPACE)
+            for argument in (*ARGUMENTS, *COMMON)
         )
         + "\n\n",
         examples="gesture-bot run\n"
@@ -337,8 +337,9 @@ def _add_recordings(commands: "argparse._SubParsersAction[Parser]") -> None:
     )
     replay.add_argument("recording", type=Path, metavar="FILE.mcap", help="recording")
     replay.add_argument(
-        "arguments", nargs="*", metavar="NAME:=VALUE", help="robot, port, loudspeaker, namespace, as of `run`"
-    )
+        "arguments", nargs="*", metavar="NAME:=VALUE",
+        help="robot, port, loudspeaker, namespace, parameters, as of `run`",
+    )  # fmt: skip
     replay.set_defaults(module="replay")
 
     export = commands.add_parser(

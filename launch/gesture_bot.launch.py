@@ -7,7 +7,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from gesture_bot.base.files import config_dir
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES
+from gesture_bot.nodes.graph import ARGUMENTS, COMMON, NODES
 from launch import LaunchDescription
 
 
@@ -16,6 +16,7 @@ def generate_launch_description() -> LaunchDescription:
 
     The others go on without a node that has a switch.
     """
+    settings = str(config_dir() / "gesture_bot.yaml")
     values = {
         argument.name: ParameterValue(LaunchConfiguration(argument.name), value_type=type(argument.default))
         for argument in ARGUMENTS
@@ -23,18 +24,22 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                argument.name, default_value=str(argument.default), description=argument.description
+                argument.name,
+                # Without a file of the user's, ours is given twice: a name must stand there.
+                default_value=settings if argument.name == "parameters" else str(argument.default),
+                description=argument.description,
             )
-            for argument in (*ARGUMENTS, NAMESPACE)
+            for argument in (*ARGUMENTS, *COMMON)
         ]
         + [
             Node(
                 package="gesture_bot",
                 executable=node.name,
                 name=node.name,
-                namespace=LaunchConfiguration(NAMESPACE.name),
+                namespace=LaunchConfiguration("namespace"),
                 parameters=[
-                    str(config_dir() / "gesture_bot.yaml"),
+                    settings,
+                    LaunchConfiguration("parameters"),
                     {name: values[name] for name in node.arguments},
                 ],
                 output="screen",

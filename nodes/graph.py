@@ -66,9 +66,13 @@ ARGUMENTS = (
     ),
     Argument("seed", 0, "Seed of everything that is drawn at random"),
 )
-"""The arguments of the graph. `namespace` is one more, which every node takes as ROS gives it."""
+"""The arguments of the graph that nodes take as parameters."""
 
-NAMESPACE = Argument("namespace", "", "ROS namespace of the nodes and topics")
+COMMON = (
+    Argument("namespace", "", "ROS namespace of the nodes and topics"),
+    Argument("parameters", "", "Other parameters of the nodes: a ROS 2 parameter file (YAML)"),
+)
+"""Those that every node takes as ROS gives them."""
 
 NODES = (
     GraphNode("speech_source", "SpeechSource", ("speech", "text", "voice", "emotion")),

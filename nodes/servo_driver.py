@@ -141,7 +141,8 @@ class ServoDriver(ManagedNode):
         due = time.monotonic()
         while not self._stopping.wait(max(0.0, due - time.monotonic())):
             try:
-                feedback = self._driver.tick(self.now())
+                since = time.monotonic()
+                feedback = self._driver.tick(self.now(), since)
             except Exception as error:  # whatever it is, the next cycle may go well
                 self._trouble = str(error) or repr(error)
                 text = self._trouble if isinstance(error, GestureBotError) else traceback.format_exc()

@@ -122,7 +122,9 @@ class SpeechSource(GestureNode):
                 cancel_callback=self._cancel,
             )
             # Synthesis has a thread, so that no other node of the process waits for it.
-            self._synthesis = threading.Thread(target=self._synthesise, args=(load_voice(voice),))
+            self._synthesis = threading.Thread(
+                target=self._synthesise, args=(load_voice(voice),), daemon=True
+            )
             self._synthesis.start()
         self.every(0.05, self._pace)
         self.every(1.0, self._report)

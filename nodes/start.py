@@ -3,24 +3,30 @@
 import importlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from types import FrameType
-from typing import NoReturn
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import pairwise
+from pathlib import Path
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.discovery import keep_local
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES, Argument, GraphNode
+from gesture_bot.nodes.graph import ARGUMENTS, COMMON, NODES, Argument, GraphNode
+from gesture_bot.nodes.interruption import Interruption
+from gesture_bot.nodes.managed import ManagedNode
+from gesture_bot.nodes.parameter_file import check_file, check_parameters
 
 PATIENCE = 3.0
 """A node beside the others has so long to end [s]."""
@@ -45,17 +51,18 @@ def run_graph(arguments: Sequence[str]) -> int:
     keep_local()
     try:
         values = parse_arguments(arguments)
+        settings = _settings(values)
     except GestureBotError as error:
         return _report(error)
     with ExitStack() as beside:
         for node in NODES:
             if node.switch and values.get(node.switch) == "true":
-                beside.enter_context(_process(node, values, _settings()))
-        return _spin([node for node in NODES if not node.switch], values, _settings())
+                beside.enter_context(_process(node, values, settings))
+        return _spin([node for node in NODES if not node.switch], values, settings)
 
 
 def parse_arguments(
-    arguments: Sequence[str], valid: Sequence[Argument] = (*ARGUMENTS, NAMESPACE)
+    arguments: Sequence[str], valid: Sequence[Argument] = (*ARGUMENTS, *COMMON)
 ) -> dict[str, str | int]:
     """The values of NAME:=VALUE strings, each of its argument's type.
 
@@ -80,9 +87,17 @@ def parse_arguments(
     return values
 
 
-def _settings() -> list[str]:
-    """The ROS arguments that give the nodes of this package their parameters."""
-    return ["--ros-args", "--params-file", str(config_dir() / "gesture_bot.yaml")]
+def _settings(values: Mapping[str, str | int]) -> list[str]:
+    """The ROS arguments that give the nodes of this package their parameters.
+
+    Raises:
+        FileFormatError: The user's file of parameters is none.
+    """
+    files = [str(config_dir() / "gesture_bot.yaml")]
+    if given := str(values.get("parameters", "")):
+        check_file(Path(given))
+        files.append(given)  # what is set twice is as in the last one
+    return ["--ros-args", *(word for file in files for word in ("--params-file", file))]
 
 
 @contextmanager
@@ -111,44 +126,55 @@ def _end_with_parent() -> None:
 
 
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
-    signal.signal(signal.SIGINT, _interrupt_once)  # before rclpy's own handler, which passes it on
-    rclpy.init(args=list(args))
-    # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
-    executor = SingleThreadedExecutor()
-    running = []
+    interruption = Interruption()
+    running: list[Node] = []
+    files = [file for word, file in pairwise(args) if word == "--params-file"]
     try:
-        for node in nodes:
-            module = importlib.import_module(f"gesture_bot.nodes.{node.name}")
-            overrides = [Parameter(name, value=values[name]) for name in node.arguments if name in values]
-            running.append(
-                getattr(module, node.class_name)(
-                    node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides
+        with suppress(KeyboardInterrupt, ExternalShutdownException):
+            _init(args)
+            for node in nodes:
+                kind = getattr(importlib.import_module(f"gesture_bot.nodes.{node.name}"), node.class_name)
+                overrides = [Parameter(name, value=values[name]) for name in node.arguments if name in values]
+                # One that takes hardware is built to its end, so that it can give it back.
+                interruption.held = issubclass(kind, ManagedNode)
+                running.append(
+                    kind(node.name, namespace=values.get("namespace", ""), parameter_overrides=overrides)
                 )
-            )
-            executor.add_node(running[-1])
-        executor.spin()
+                interruption.check()
+                check_parameters(running[-1], files)
+            _work(running)
     except GestureBotError as error:
         return _report(error)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:
-        # Ctrl-C may come while a message is taken, and ends rclpy's context a moment later.
-        time.sleep(0.2)
-        if rclpy.ok():
-            raise
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # also where something else than Ctrl-C ended it
+        interruption.ignore()  # also where something else than a signal ended it
         # The bus first: it was built last, and brings the robot to rest while the others still stand.
-        for node in reversed(running):
-            node.destroy_node()
+        for built in reversed(running):
+            built.destroy_node()
         rclpy.try_shutdown()
     return 0
 
 
-def _interrupt_once(signum: int, frame: FrameType | None) -> NoReturn:
-    """A second Ctrl-C must not leave the arms on their way to rest; `ros2 launch` always sends two."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    raise KeyboardInterrupt
+def _init(args: Sequence[str]) -> None:
+    try:
+        # Its own handlers of signals end the context, in which a node that is being built would fail.
+        rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # it tells what is wrong with the arguments, and where in its own code
+        raise GestureBotError(re.sub(r", at \S+:\d+", "", str(error))) from error
+
+
+def _work(nodes: Sequence[Node]) -> None:
+    # Not rclpy's events executor: in rclpy 7.1.6 a node's timers never fire under it.
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    install_signal_handlers()  # they wake an executor that waits, and pass the signal on
+    try:
+        executor.spin()
+    except RuntimeError:
+        # The signal may come while a message is taken, and ends rclpy's context a moment later.
+        time.sleep(0.2)
+        if rclpy.ok():
+            raise
 
 
 def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: str) -> int:
@@ -160,12 +186,13 @@ def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: st
         values: Their other parameters.
     """
     keep_local()
-    used = {NAMESPACE.name, *(name for node in nodes for name in node.arguments)}
+    used = {name for node in nodes for name in node.arguments}
     try:
-        given = parse_arguments(arguments, [a for a in (*ARGUMENTS, NAMESPACE) if a.name in used])
+        given = parse_arguments(arguments, [*(a for a in ARGUMENTS if a.name in used), *COMMON])
+        settings = _settings(given)
     except GestureBotError as error:
         return _report(error)
-    return _spin(nodes, {**given, **values}, _settings())
+    return _spin(nodes, {**given, **values}, settings)
 
 
 def _report(error: GestureBotError) -> int:

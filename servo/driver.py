@@ -133,10 +133,15 @@ class Driver:
         """Follow what is planned, from wherever the joints are now; they approach it slowly."""
         self.stopped = False
 
-    def tick(self, now: float) -> Feedback:
-        """Send each joint where it is to be now [s since the epoch], and read where it is.
+    def tick(self, now: float, since: float | None = None) -> Feedback:
+        """Send each joint where it is to be now, and read where it is.
 
         A port that has vanished is opened again when it is back; the joints start from where they are.
+
+        Args:
+            now: The time [s since the epoch].
+            since: A moment just before that was asked for, on the monotonic clock [s]; None: now. The thread
+                may pause behind it, and stamps are right all the same.
 
         Raises:
             PortError: The port has vanished.
@@ -148,7 +153,7 @@ class Driver:
             self._next_open = self.clock.monotonic() + REOPEN_PERIOD
             self.start()
         try:
-            return self._cycle(now)
+            return self._cycle(now, since)
         except PortError as error:
             self._lose_port(str(error.value))
             raise
@@ -176,11 +181,12 @@ class Driver:
             bus.close()
             self._bus = None
 
-    def _cycle(self, now: float) -> Feedback:
+    def _cycle(self, now: float, since: float | None) -> Feedback:
         self._open_bus()
         clock, status, reader = self.clock, self.status, self._reader
         status.cycles += 1
-        self._pacing.tick(now, clock.monotonic())
+        until = clock.monotonic()
+        self._pacing.tick(now, until if since is None else since, until)
         if self._fresh:
             self._commanded, self._fresh = now, False
         self._upkeep.step(clock.monotonic())

@@ -2,12 +2,6 @@
 
 import math
 
-LONGEST_PAUSE = 0.1
-"""Where the clocks seem to differ by more than this from one tick to the next, one was set anew [s]."""
-
-CLOCK_DRIFT = 1e-3
-"""How much faster one of them may run."""
-
 
 class Pacing:
     """Follows the ticks of a driver.
@@ -27,12 +21,10 @@ class Pacing:
         self._last = -math.inf
         self._ahead = -math.inf
 
-    def tick(self, now: float, monotonic: float) -> None:
-        """It is `now` [s since the epoch], and so late on the monotonic clock [s]."""
-        # The thread may have paused between the two.
-        ahead = now - monotonic
-        paused = 0.0 < self._ahead - ahead < LONGEST_PAUSE
-        self._ahead = max(ahead, self._ahead - CLOCK_DRIFT * self._dt) if paused else ahead
+    def tick(self, now: float, since: float, until: float) -> None:
+        """It was `now` [s since the epoch] at a moment between two of the monotonic clock [s]."""
+        # The thread may have paused between them for any time: what fits them is not changed.
+        self._ahead = min(max(self._ahead, now - until), now - since)
         self.late += math.inf > now - self._last > 1.5 * self._dt
         self._last = now
         # The plan is sampled at even steps that follow the clock slowly.

@@ -7,10 +7,13 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import command, listening, running, wait_until
 
 from gesture_bot.base.files import config_dir
+from gesture_bot.base.keypoints import INDEX
+from gesture_bot.corpus.database import Database
 from gesture_bot.nodes.graph import NODES
 from gesture_bot.nodes.node import seconds
 from gesture_bot.retarget.robot import load_robot
@@ -117,6 +120,23 @@ def test_a_robot_and_a_bank_of_ones_own(demo_corpus, tmp_path):
     assert {"mine.yaml", "mine.png", "mine.gif"} <= {path.name for path in tmp_path.iterdir()}
 
 
+def test_a_joint_swings_without_ros():
+    told = subprocess.check_output(program("swing_joint.py", "toa", "left_elbow"), text=True, timeout=120)
+    begin, farthest, end = map(float, re.findall(r"(-?[\d.]+) rad", told))
+    assert abs(farthest - begin) == pytest.approx(0.2, abs=0.1)
+    assert end == pytest.approx(begin, abs=0.02)
+
+
+def test_recordings_of_ones_own_form_become_a_database(tmp_path):
+    build = "build-database my_recordings --map my_map.yaml --labels my_labels.csv -o mine.safetensors"
+    for arguments in program("own_recordings.py"), command(*build.split()):
+        subprocess.run(arguments, cwd=tmp_path, check=True, timeout=120)
+    database = Database.load(tmp_path / "mine.safetensors")
+    assert {database.label(sequence, "speaker") for sequence in range(len(database.starts))} == {"me"}
+    heights = database.keypoints[:, [INDEX["left_wrist"], INDEX["right_wrist"]], 2].astype(float)
+    assert np.corrcoef(heights.T)[0, 1] < -0.9, "one hand goes up while the other goes down"
+
+
 def test_the_drawn_graph_is_the_running_one(graph):
     page = (ROOT / "docs" / "08-how-it-works.md").read_text()
     drawn = re.findall(r'^  (\w+) -- "(\S+)" --> (\w+)$', page, re.MULTILINE)
@@ -133,4 +153,5 @@ def test_the_drawn_graph_is_the_running_one(graph):
 def test_every_example_is_run_here():
     assert {path.name for path in EXAMPLES.iterdir()} == {
         *ENDING, *LASTING, "talk.py", "stop.py", "build_bank.py", "add_robot.sh",
+        "swing_joint.py", "own_recordings.py",
     }  # fmt: skip

@@ -12,7 +12,7 @@ import pytest
 from conftest import running, wait_until
 
 from gesture_bot.base.files import config_dir
-from gesture_bot.nodes.graph import ARGUMENTS, NAMESPACE, NODES
+from gesture_bot.nodes.graph import ARGUMENTS, COMMON, NODES
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -42,7 +42,7 @@ def test_launch_file_starts_the_graph():
     spec.loader.exec_module(module)
     entities = module.generate_launch_description().entities
     declared = {entity.name: entity for entity in entities if isinstance(entity, DeclareLaunchArgument)}
-    assert set(declared) == {argument.name for argument in (*ARGUMENTS, NAMESPACE)}
+    assert set(declared) == {argument.name for argument in (*ARGUMENTS, *COMMON)}
     assert all(entity.description for entity in declared.values())
     nodes = [entity for entity in entities if isinstance(entity, Node)]
     assert [node.node_executable for node in nodes] == [node.name for node in NODES]

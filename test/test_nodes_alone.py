@@ -1,6 +1,8 @@
 """Each node by itself: it starts, says what it waits for, and describes its parameters."""
 
+import json
 import os
+import re
 import sysconfig
 import time
 from contextlib import ExitStack
@@ -9,7 +11,9 @@ from pathlib import Path
 import pytest
 from conftest import running, wait_until
 
+from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.graph import NODES
+from gesture_bot.retarget.robot import load_robot
 
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 
@@ -90,3 +94,29 @@ def test_each_node_says_how_it_is(alone, listener):
     bad = {name: said[name].message for name in said if said[name].level == DiagnosticStatus.ERROR}
     assert not bad
     assert said["gesture_bot: servo left_elbow"].hardware_id == "XL430-W250, ID 14"
+
+
+SHOWN = {
+    "/robot_description": "std_msgs/msg/String",
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/gesture/markers": "visualization_msgs/msg/MarkerArray",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "/say": "std_msgs/msg/String",
+}
+"""What panels of Foxglove show, or publish on, and the types that they take."""
+
+
+def test_foxglove_is_shown_topics_of_the_nodes(alone, listener):
+    text = (config_dir() / "gesture_bot.foxglove.json").read_text()
+    assert set(re.findall(r'"(/[a-z_/]+)', text)) == set(SHOWN)
+    panels = json.loads(text)["configById"]
+    labels = [path["label"] for path in panels["Plot!joints"]["paths"]]
+    assert labels == list(load_robot("toa").joints)
+    assert panels["Publish!say"]["datatype"] == SHOWN["/say"]
+
+    def published():
+        topics = listener.get_topic_names_and_types()
+        types = {re.sub(r"^/alone/\w+", "", topic): kinds for topic, kinds in topics}
+        return all(types.get(topic) == [kind] for topic, kind in SHOWN.items())
+
+    wait_until(published, 10, "the topics of the layout")

@@ -306,6 +306,23 @@ def test_a_state_whose_moment_is_not_known_is_told(monkeypatch):
     driver.close()
 
 
+@pytest.mark.parametrize("pause", [0.03, 0.3])
+def test_stamps_are_right_where_the_thread_pauses_or_the_clock_is_set(pause):
+    wire = simulated_bus(ROBOT)
+    driver, begin = Driver(robot_with(on_exit="off"), wire.port), T0
+    driver.start()
+    clock, started = driver.clock, driver.clock.monotonic()
+    for k in range(30):
+        begin -= 5.0 * (k == 20)
+        since = clock.monotonic()
+        now = begin + since - started
+        clock.sleep(pause if k % 10 == 5 else 0.0)
+        stamp = driver.tick(now, since).stamp
+        assert stamp == pytest.approx(begin + clock.monotonic() - started, abs=DT)
+        clock.sleep(DT)
+    driver.close()
+
+
 def test_a_state_in_which_a_servo_did_not_answer_is_told():
     wire = simulated_bus(ROBOT)
     driver = Driver(robot_with(on_exit="off"), wire.port)
