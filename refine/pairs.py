@@ -68,10 +68,10 @@ def held_out(database: Database, seed: int) -> np.ndarray:
 def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> list[Walk]:
     """Run the search of MM22 over the sound of all recordings.
 
-    It runs through each stretch of speech of at least 64 frames, from rest on, each window the next query, as
-    when the robot speaks. Where the recordings are those that are searched, too, what it finds is from another
-    one, and from none that is held out: their sequences are taken out of the control mask. As in the selector,
-    no window comes back within LATELY.
+    It runs through each stretch of speech of at least 64 frames, from rest on, each window the next query,
+    as when the robot speaks. Where the recordings are those that are searched, too, what it finds is from
+    another one, and from none that is held out: their sequences are taken out of the control mask. As in the
+    selector, no window comes back within LATELY.
 
     Args:
         database: What is searched.
