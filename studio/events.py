@@ -6,7 +6,6 @@ from typing import Any
 
 from gesture_bot.base.errors import GestureBotError
 
-
 SETTLED = 1.0
 """What people asked for is in force, or refused, after so long [s]."""
 
@@ -29,7 +28,7 @@ class Events:
         self._put_at[key] = time.monotonic()
 
     def settled(self, *keys: str) -> bool:
-        """Whether nothing happened lately under some keys, so that their elements may show what is in force."""
+        """Whether nothing happened lately under some keys: their elements may show what is in force."""
         return all(time.monotonic() - self._put_at.get(key, -SETTLED) >= SETTLED for key in keys)
 
     def on(self, key: str, act: Callable[[Any], None]) -> Callable[[Any], Any]:

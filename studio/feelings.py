@@ -64,7 +64,7 @@ class Feelings:
         self._shown: object = None
 
     def show(self, expression: str) -> None:
-        """Show the emotion in force, whoever set it: its name, and its place unless a place means it already."""
+        """Show the emotion in force, whoever set it: its name, and its place if none means it already."""
         if expression not in self._emotions or not self._events.settled("emotion"):
             return
         self._names.value = expression

@@ -66,14 +66,11 @@ def mesh_file(name: str, folder: Path | None) -> Path:
         RobotError: It is not there.
     """
     scheme, _, rest = name.rpartition("://")
-    places = [Path(rest)]
-    if folder is not None:
-        places = [
-            parent / rest for parent in ((folder, *folder.parents) if scheme == "package" else (folder,))
-        ]
+    places = [Path(rest)] if folder is None else [folder / rest]
     if scheme == "package":
-        prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        places += [Path(prefix) / "share" / rest for prefix in prefixes if prefix]
+        prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+        places += [parent / rest for parent in (folder.parents if folder else ())]
+        places += [Path(prefix) / "share" / rest for prefix in prefixes]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise RobotError("cannot find the mesh", name)

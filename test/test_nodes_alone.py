@@ -11,6 +11,8 @@ from conftest import running, wait_until
 
 from gesture_bot.nodes.graph import NODES
 
+pytestmark = pytest.mark.live
+
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 
 

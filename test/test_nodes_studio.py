@@ -17,6 +17,8 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.studio.guard import open_server
 from gesture_bot.studio.reaching import Reaching
 
+pytestmark = pytest.mark.live
+
 MARKUP = "<img src=x onerror=\"document.title='caught'\">"
 
 
