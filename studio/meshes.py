@@ -88,6 +88,8 @@ def _read(
         raise RobotError(f"the mesh {path} has more than {LARGEST / 1e6:.0f} MB")
     try:
         scene = trimesh.load_scene(path)
+        if path.suffix.lower() == ".dae" and scene.units:
+            scene = scene.convert_units("meters")
     except Exception as error:  # what its readers raise where a file is broken is of many kinds
         raise RobotError(f"cannot read the mesh {path} ({error!r})") from error
     material = visual.find("material")
@@ -95,8 +97,6 @@ def _read(
     if material is not None:
         color = _color(material) if material.find("color") is not None else colors.get(material.get("name"))
     place = _place(visual.find("origin")) @ np.diag([*_numbers(mesh.get("scale"), (1.0, 1.0, 1.0)), 1.0])
-    if path.suffix.lower() == ".dae" and scene.units:
-        scene = scene.convert_units("meters")
     for part in scene.dump():
         if isinstance(part, trimesh.Trimesh) and len(part.faces):
             part.apply_transform(place)
