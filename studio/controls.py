@@ -59,9 +59,10 @@ class _Range:
             and demand.quantity == self._quantity
             and demand.hand in (self._hand, "both")
         ]
-        for bound, strictest in (("at_least", max), ("at_most", min)):
+        for bound, end in self._ends.items():
             values = [self._controls.threshold(demand) for demand in own if demand.bound == bound]
-            self._set(bound, strictest(values, default=self._ends[bound]))
+            strictest = max if bound == "at_least" else min
+            self._set(bound, strictest(values, default=end))
         self._describe()
 
     def push(self, moved: Bound) -> None:

@@ -303,7 +303,6 @@ def test_a_robot_looks_like_its_meshes_and_like_simple_shapes_without(tmp_path):
     fine = trimesh.creation.icosphere(subdivisions=6)
     assert len(fine.faces) > FACES
     fine.export(looks / "ball.stl")
-    urdf = (robots / "toa.urdf").read_text()
     ball = '<mesh filename="package://looks/meshes/ball.stl" scale="0.05 0.05 0.4"/>'
     lost = '<mesh filename="package://looks/meshes/lost.stl"/>'
     urdf = (robots / "toa.urdf").read_text()
