@@ -61,11 +61,14 @@ class Feelings:
         self._names.on_update(events.on("emotion", steering.feel))
         self._place.on_update(events.on("emotion", lambda place: steering.feel("", *place)))
         self._written = _apart(emotions)
+        self._heard = ""
         self._shown: object = None
 
     def show(self, expression: str) -> None:
         """Show the emotion in force, whoever set it: its name, and its place if none means it already."""
-        if expression not in self._emotions or not self._events.settled("emotion"):
+        # The one before people asked for another is in force a moment longer: their choice stays meanwhile.
+        unchanged, self._heard = expression == self._heard, expression
+        if expression not in self._emotions or unchanged and not self._events.settled("emotion"):
             return
         self._names.value = expression
         place = self._place.value
