@@ -7,9 +7,6 @@ BIN := $(VENV)/bin
 ROBOTS := qibullet==1.4.6 poppy-torso==3.0.0
 # PyTorch without the CUDA libraries, which take gigabytes; where it cannot be reached, the usual one does.
 TORCH := https://download.pytorch.org/whl/cpu
-# Tests that keep time, one after another; the others share the processors.
-LIVE := $(wildcard test/test_cli.py test/test_cli_doctor.py test/test_cli_teleop.py test/test_examples.py test/test_nodes_*.py \
-  test/test_servo_commands.py test/test_servo_driver.py test/test_servo_virtual_bus.py test/test_speech_recogniser.py)
 INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluate recording studio msg action config launch
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
@@ -21,8 +18,8 @@ demo: $(VENV)/installed
 	$(BIN)/gesture-bot demo
 
 test: $(VENV)/installed-dev lint
-	$(BIN)/pytest $(LIVE)
-	$(BIN)/pytest -n auto --dist loadfile $(filter-out $(LIVE), $(wildcard test/test_*.py))
+	$(BIN)/pytest -m live
+	$(BIN)/pytest -m "not live" -n auto --dist loadfile
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .

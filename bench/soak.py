@@ -5,7 +5,6 @@ starts each node in a process of its own, as `ros2 launch` does, `--busy` gives 
 """
 
 import argparse
-import json
 import os
 import signal
 import subprocess
@@ -20,24 +19,18 @@ from typing import Any
 
 import numpy as np
 import psutil
-import rclpy
-from machine import machine
+from long_run import late_trajectories, listening, report, rounds
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
-from tqdm import tqdm
 
 from gesture_bot.action import Speak
 from gesture_bot.base.files import config_dir
-from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.cli.demo import running_graph
 from gesture_bot.cli.measured import measured_stroke, planned_joints, robot_wrists
-from gesture_bot.corpus.demo import demo_database
 from gesture_bot.evaluate.lag import motion_lag
 from gesture_bot.msg import Audio, Constraint, Control, Emotion
 from gesture_bot.nodes.graph import NODES
 from gesture_bot.nodes.node import STATE, STREAM, stamp
 from gesture_bot.nodes.recorder import Recorder
-from gesture_bot.refine.smoothing import RADIUS
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
@@ -139,8 +132,7 @@ class Soak(Recorder):
                 if lag is not None:
                     during = heard_live[0] < begin - self.look_ahead < heard_live[1]
                     self.lags.append((begin, during, lag))
-        known = RADIUS / FRAME_RATE
-        self.late_trajectories += sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
+        self.late_trajectories += late_trajectories(record)
 
     def _wait(self, length: float) -> Iterator[None]:
         end = self.now() + length
@@ -198,13 +190,8 @@ def main() -> None:
     parser.add_argument("--separate", action="store_true")
     parser.add_argument("--busy", action="store_true")
     options = parser.parse_args()
-    demo_database()
-    rclpy.init()
-    soak = Soak()
-    executor = SingleThreadedExecutor()
-    executor.add_node(soak)
     memory: list[tuple[float, int]] = []
-    with ExitStack() as stack:
+    with listening(Soak) as (soak, executor), ExitStack() as stack:
         log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "graph.log"
         if options.busy:
             burner = subprocess.Popen([sys.executable, "-c", "while True: pass"])
@@ -215,17 +202,12 @@ def main() -> None:
             processes = [psutil.Process(stack.enter_context(running_graph(log)).pid)]
         while not soak.ready():
             executor.spin_once(timeout_sec=0.05)
-        begin, number = time.monotonic(), 0
-        with tqdm(total=round(60 * options.minutes), desc="soak", unit="s") as progress:
-            while (elapsed := time.monotonic() - begin) < 60 * options.minutes:
-                for _ in soak.round(number):
-                    executor.spin_once(timeout_sec=0.01)
-                number += 1
-                memory.append((time.monotonic() - begin, memory_of(processes)))
-                progress.update(round(time.monotonic() - begin) - progress.n)
-            late_windows = soak.record.states[-1].message.late
-    soak.destroy_node()
-    rclpy.shutdown()
+        begin = time.monotonic()
+        for number in rounds("soak", options.minutes):
+            for _ in soak.round(number):
+                executor.spin_once(timeout_sec=0.01)
+            memory.append((time.monotonic() - begin, memory_of(processes)))
+        late_windows = soak.record.states[-1].message.late
 
     settled = next(m for t, m in memory if t > min(300.0, 30 * options.minutes))
     lags = [lag for _, _, lag in soak.lags]
@@ -248,13 +230,11 @@ def main() -> None:
         "live_stroke_to_word_ms_p95": percentile([abs(error) for error in soak.live_strokes], 95),
         "sentences_cancelled": soak.cancelled,
         "memory_mb": round(memory[-1][1] / 2**20),
-        "minutes": round(elapsed / 60, 1),
+        "minutes": round(memory[-1][0] / 60, 1),
         "separate": options.separate,
         "busy": options.busy,
     }
-    for name, value in result.items():
-        print(f"{name}: {value}")
-    print(json.dumps({"bench": "soak", **result, "machine": machine()}))
+    report("soak", result)
 
 
 if __name__ == "__main__":

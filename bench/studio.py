@@ -5,8 +5,6 @@ at the lowest priority: without a graphics card it takes more of a small machine
 """
 
 import argparse
-import itertools
-import json
 import os
 import sys
 import tempfile
@@ -16,20 +14,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
-import rclpy
-from machine import machine
-from rclpy.executors import SingleThreadedExecutor
+from long_run import late_trajectories, listening, report, rounds
 from std_msgs.msg import String
-from tqdm import tqdm
 
-from gesture_bot.base.frames import FRAME_RATE
 from gesture_bot.cli.demo import running_graph, studio_address
-from gesture_bot.corpus.demo import demo_database
 from gesture_bot.msg import Emotion
 from gesture_bot.nodes.demo_director import SCRIPT
 from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.nodes.recorder import Recorder
-from gesture_bot.refine.smoothing import RADIUS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
 from browser import element, open_pages  # noqa: E402
@@ -40,24 +32,19 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--closed", action="store_true", help="without a page")
     options = parser.parse_args()
-    demo_database()
-    rclpy.init()
-    recorder = Recorder()
-    executor = SingleThreadedExecutor()
-    executor.add_node(recorder)
-    say = recorder.create_publisher(String, "say", PLAN)
-    emotion = recorder.create_publisher(Emotion, "emotion", STATE)
-    record = recorder.record
+    with listening(Recorder) as (recorder, executor), ExitStack() as stack:
+        say = recorder.create_publisher(String, "say", PLAN)
+        emotion = recorder.create_publisher(Emotion, "emotion", STATE)
+        record = recorder.record
 
-    def until(condition: Callable[[], object]) -> None:
-        give_up = time.monotonic() + 180.0
-        while not condition():
-            executor.spin_once(timeout_sec=0.02)
-            if time.monotonic() > give_up:
-                raise SystemExit("the graph did not answer within 180 s")
+        def until(condition: Callable[[], object]) -> None:
+            give_up = time.monotonic() + 180.0
+            while not condition():
+                executor.spin_once(timeout_sec=0.02)
+                if time.monotonic() > give_up:
+                    raise SystemExit("the graph did not answer within 180 s")
 
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        log = Path(folder) / "graph.log"
+        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "graph.log"
         graph = stack.enter_context(running_graph(log, "studio:=true", "studio_address:=127.0.0.1:0"))
         until(lambda: studio_address(log) and record.refined)
         (studio,) = [child for child in psutil.Process(graph.pid).children() if "studio" in child.cmdline()]
@@ -69,42 +56,34 @@ def main() -> None:
 
         memory: list[tuple[float, int]] = []
         late_before, begin, busy = record.states[-1].message.late, time.monotonic(), cpu_seconds(studio)
-        late_trajectories = 0
-        lines = itertools.cycle(SCRIPT)
-        with tqdm(total=round(60 * options.minutes), desc="studio", unit="s") as progress:
-            while (elapsed := time.monotonic() - begin) < 60 * options.minutes:
-                feeling, _, text = next(lines)
-                spoken = sum(heard.message.last for heard in record.audio)
-                emotion.publish(Emotion(expression=feeling))
-                say.publish(String(data=text))
-                until(lambda spoken=spoken: sum(heard.message.last for heard in record.audio) > spoken)
-                until(lambda: recorder.now() > record.audio[-1].stamp)
-                for page in pages:
-                    page.wait_for_timeout(1)  # reads what the browser tells
-                memory.append((time.monotonic() - begin, studio.memory_info().rss))
-                known = RADIUS / FRAME_RATE
-                late_trajectories += sum(heard.arrival > heard.stamp + known for heard in record.trajectories)
-                for kept in (record.trajectories, record.joint_states, record.diagnostics):
-                    kept.clear()
-                progress.update(round(time.monotonic() - begin) - progress.n)
+        trajectories = 0
+        for number in rounds("studio", options.minutes):
+            feeling, _, text = SCRIPT[number % len(SCRIPT)]
+            spoken = sum(heard.message.last for heard in record.audio)
+            emotion.publish(Emotion(expression=feeling))
+            say.publish(String(data=text))
+            until(lambda spoken=spoken: sum(heard.message.last for heard in record.audio) > spoken)
+            until(lambda: recorder.now() > record.audio[-1].stamp)
+            for page in pages:
+                page.wait_for_timeout(1)  # reads what the browser tells
+            memory.append((time.monotonic() - begin, studio.memory_info().rss))
+            trajectories += late_trajectories(record)
+            for kept in (record.trajectories, record.joint_states, record.diagnostics):
+                kept.clear()
         share = (cpu_seconds(studio) - busy) / (time.monotonic() - begin)
         late_windows = record.states[-1].message.late - late_before
-    recorder.destroy_node()
-    rclpy.shutdown()
 
     settled = next(size for at, size in memory if at >= min(60.0, 15 * options.minutes))
     result = {
         "cpu_share": round(share, 4),
         "memory_growth": round(memory[-1][1] / settled - 1, 4),
-        "missed_steps": late_windows + late_trajectories,
+        "missed_steps": late_windows + trajectories,
         "late_windows": late_windows,
         "memory_mb": round(memory[-1][1] / 2**20),
-        "minutes": round(elapsed / 60, 1),
+        "minutes": round(memory[-1][0] / 60, 1),
         "page_open": not options.closed,
     }
-    for name, value in result.items():
-        print(f"{name}: {value}")
-    print(json.dumps({"bench": "studio", **result, "machine": machine()}))
+    report("studio", result)
 
 
 def cpu_seconds(process: psutil.Process) -> float:

@@ -1,6 +1,6 @@
 """The robot, moving in an animated GIF or still, drawn from joint angles by forward kinematics."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,9 +132,15 @@ def facing(kinematics: Kinematics, robot: Robot) -> np.ndarray:
     return Rotation.from_euler("z", -np.arctan2(y, x)).as_matrix()
 
 
-def robot_shapes(kinematics: Kinematics) -> list[Shape]:
-    """The shapes that a robot is drawn with, or lines from link to link where it has none."""
-    return kinematics.shapes() or [_line(*ends) for ends in kinematics.segments()]
+def robot_shapes(kinematics: Kinematics, meshed: Collection[str] = ()) -> list[Shape]:
+    """The shapes that a robot is drawn with, or lines from link to link where it has none.
+
+    Args:
+        kinematics: Of the robot.
+        meshed: Links whose meshes are drawn, too.
+    """
+    shapes = kinematics.shapes(meshed)
+    return shapes if shapes or meshed else [_line(*ends) for ends in kinematics.segments()]
 
 
 def _turned(shape: Shape, rotation: np.ndarray) -> Shape:

@@ -13,10 +13,10 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from gesture_bot.base.errors import GestureBotError
+from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.frames import frame_time
 from gesture_bot.corpus.demo import load_database
-from gesture_bot.matching.banks import load_banks
+from gesture_bot.matching.banks import WatchedBanks
 from gesture_bot.matching.controls import Constraint, Controls
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.msg import (
@@ -63,8 +63,7 @@ class Studio(Operator):
         )
         banks = self.parameter("banks", "shipped", "Semantic banks: a folder of YAML files, or 'shipped'")
         address = self.parameter("studio_address", "127.0.0.1:8080", "Where the page is: HOST:PORT")
-        gestures = load_banks(banks)
-        self._phrases = {name: gesture.triggers[0].phrase for name, gesture in gestures.items()}
+        self._banks = WatchedBanks(banks)
         self._liveness = Liveness()
         self._target = Overlay(self._robot.joints, JOIN)
         self._say = self.create_publisher(String, "say", PLAN)
@@ -74,13 +73,19 @@ class Studio(Operator):
         self._reset = self.create_client(Trigger, "reset")
         emotions, controls = load_emotions(), Controls(load_database(database))
         self._server, url = open_server(address)
-        self._page = Page(self._server, self._robot, emotions, gestures, controls, self)
+        self._page = Page(self._server, self._robot, emotions, controls, self)
+        self._page.gestures.show(self._banks.gestures)
+        if self._page.bare:
+            link, why = next(iter(self._page.bare.items()))
+            others = len(self._page.bare) - 1
+            self.get_logger().info(f"simple shapes stand for {link} and {others} other links: {why}")
         # All that comes would wake it two hundred times a second, and nobody looks so fast.
         polled = Polled()
         self.follow(self._robot, polled)
         self._heard = [self.joint_states, *self._listen(polled)]
         self.every(1 / RATE, self._show)
         self.every(1.0, self._report)
+        self.every(1.0, self._reload)
         if "token" in url:
             self.get_logger().warning(
                 "other computers can open the studio with the token, and move the robot; nothing is encrypted"
@@ -110,8 +115,10 @@ class Studio(Operator):
 
     def make(self, gesture: str) -> None:
         """Make a gesture of the semantic bank."""
-        moment = stamp(self.now() + STROKE)
-        message = Keyword(gesture=gesture, phrase=self._phrases[gesture], begin=moment, confidence=1.0)
+        if gesture not in self._banks.gestures:
+            raise InvalidValueError("the bank has this gesture no more", gesture, self._banks.gestures)
+        moment, trigger = stamp(self.now() + STROKE), self._banks.gestures[gesture].triggers[0]
+        message = Keyword(gesture=gesture, phrase=trigger.phrase, begin=moment, confidence=1.0)
         message.header.stamp, message.header.frame_id = moment, self.get_name()
         self._keywords.publish(message)
 
@@ -158,6 +165,10 @@ class Studio(Operator):
         self._page.facts.owners = self.owners
         self._page.show(now, self.measured, self.jog.goals, lambda: self._target.at(np.array([now]))[0][0])
 
+    def _reload(self) -> None:
+        if self._banks.changed():
+            self._page.gestures.show(self._banks.gestures)
+
     def _report(self) -> None:
         taken = ", ".join(self.jog.taken) or "nothing"
         self.diagnose(diagnostic("studio", self.errors(), "running", pages=self._page.browsers, taken=taken))
@@ -201,7 +212,8 @@ class Studio(Operator):
         def on_state(message: SelectorState) -> None:
             self._page.expression = message.expression
             self._page.facts.look_ahead = message.look_ahead
-            control = ", ".join(str(constraint_from(constraint)) for constraint in message.constraints)
+            self._page.demands = [constraint_from(constraint) for constraint in message.constraints]
+            control = ", ".join(map(str, self._page.demands))
             strip.set_state(self.now(), message.expression, control)
 
         topics: tuple[tuple[type, str, Callable[[Any], None], QoSProfile], ...] = (

@@ -1,5 +1,6 @@
 """Forward kinematics of a robot: where its links are, which way they point, and what they look like."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import mujoco
@@ -15,6 +16,9 @@ _KINDS = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
     mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
 }
+
+LOOKS = 1
+"""MuJoCo's group of the shapes that a URDF has for looks alone."""
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """Indices of a cross product, which numpy.cross is slow at."""
@@ -135,14 +139,18 @@ class Kinematics:
             [self.data.xpos[self.model.body_parentid[children]], self.data.xpos[children]], axis=1
         )
 
-    def shapes(self) -> list[Shape]:
+    def shapes(self, meshed: Collection[str] = ()) -> list[Shape]:
         """The primitive shapes that the robot is drawn with.
 
         A link without shapes for looks shows those for collisions. Boxes stand for meshes.
+
+        Args:
+            meshed: Links whose meshes are drawn, too, so that nothing must stand for them.
         """
         looks = self.model.geom_contype == 0
         owners = self.model.geom_bodyid
         shown = looks | ~np.isin(owners, owners[looks])
+        shown &= ~np.isin(owners, [self.link(name) for name in meshed]) | (self.model.geom_group == LOOKS)
         return [
             Shape(
                 _KINDS[mujoco.mjtGeom(self.model.geom_type[geom])],

@@ -1,7 +1,7 @@
 """A robot: its URDF, what its joints may do, and which servos turn them."""
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,7 @@ class Robot:
         mapping: Links that stand for the human body.
         servos: The servo table, one row a joint.
         bus: The servo bus.
+        folder: Where the URDF is, from where its meshes are looked for; None where that is not known.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Robot:
     mapping: Mapping
     servos: tuple[ServoEntry, ...]
     bus: Bus
+    folder: Path | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -88,7 +90,8 @@ def load_robot(name_or_path: str) -> Robot:
             raise InvalidValueError("no such robot, nor a path ending in .yaml", name_or_path, robot_names())
         path = config_dir() / "robots" / f"{name_or_path}.yaml"
     description = read_yaml(path, RobotDescription)
-    return assemble(path.stem, read_urdf(path.parent / description.urdf), description)
+    urdf = path.parent / description.urdf
+    return replace(assemble(path.stem, read_urdf(urdf), description), folder=urdf.parent)
 
 
 def assemble(name: str, urdf: str, description: RobotDescription) -> Robot:

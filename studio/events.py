@@ -1,9 +1,13 @@
 """What people do on the page, handed over from the web server's thread to the one that runs the node."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from gesture_bot.base.errors import GestureBotError
+
+SETTLED = 1.0
+"""What people asked for is in force, or refused, after so long [s]."""
 
 
 class Events:
@@ -11,6 +15,7 @@ class Events:
 
     def __init__(self) -> None:
         self._waiting: dict[str, Callable[[], None]] = {}
+        self._put_at: dict[str, float] = {}
 
     @property
     def waiting(self) -> bool:
@@ -20,6 +25,11 @@ class Events:
     def put(self, key: str, act: Callable[[], None]) -> None:
         """Let something be done at the next `deal`, in place of what waits under the same key."""
         self._waiting[key] = act
+        self._put_at[key] = time.monotonic()
+
+    def settled(self, *keys: str) -> bool:
+        """Whether nothing happened lately under some keys: their elements may show what is in force."""
+        return all(time.monotonic() - self._put_at.get(key, -SETTLED) >= SETTLED for key in keys)
 
     def on(self, key: str, act: Callable[[Any], None]) -> Callable[[Any], Any]:
         """A callback for an element of viser: what its value is changed to in a browser is acted on.

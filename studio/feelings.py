@@ -52,7 +52,7 @@ class Feelings:
     def __init__(
         self, server: viser.ViserServer, emotions: Mapping[str, Emotion], events: Events, steering: Steering
     ):
-        self._emotions = emotions
+        self._emotions, self._events = emotions, events
         self._names = server.gui.add_dropdown("emotion", tuple(emotions), initial_value="neutral")
         self._pad = server.gui.add_html("")
         self._place = server.gui.add_vector2(
@@ -61,11 +61,14 @@ class Feelings:
         self._names.on_update(events.on("emotion", steering.feel))
         self._place.on_update(events.on("emotion", lambda place: steering.feel("", *place)))
         self._written = _apart(emotions)
+        self._heard = ""
         self._shown: object = None
 
     def show(self, expression: str) -> None:
-        """Show the emotion in force: its name, and its place unless a place means it already."""
-        if expression not in self._emotions:
+        """Show the emotion in force, whoever set it: its name, and its place if none means it already."""
+        # The one before people asked for another is in force a moment longer: their choice stays meanwhile.
+        unchanged, self._heard = expression == self._heard, expression
+        if expression not in self._emotions or unchanged and not self._events.settled("emotion"):
             return
         self._names.value = expression
         place = self._place.value

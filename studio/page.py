@@ -1,23 +1,24 @@
 """The page as a whole: what stands where, and how it follows the graph."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from html import escape
 
 import numpy as np
 import viser
 
-from gesture_bot.matching.banks import Gesture
-from gesture_bot.matching.controls import Controls
+from gesture_bot.matching.controls import Controls, Demand
 from gesture_bot.matching.emotions import Emotion
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.studio import controls as control_sliders
-from gesture_bot.studio import feelings, strip, tables
+from gesture_bot.studio import feelings, gestures, strip, tables
 from gesture_bot.studio.arms import Arms
 from gesture_bot.studio.controls import ControlSliders
 from gesture_bot.studio.events import Events
 from gesture_bot.studio.feelings import Feelings
 from gesture_bot.studio.figures import Figure
+from gesture_bot.studio.gestures import GestureButtons
+from gesture_bot.studio.meshes import load_meshes
 from gesture_bot.studio.scene import RobotView
 from gesture_bot.studio.steering import Steering
 from gesture_bot.studio.strip import Strip
@@ -51,9 +52,6 @@ div:has(> .studio-banner) {{ text-align: center; }}
 .studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px;
   background: #fff0f0; color: #c92a2a; font-weight: 600; font-size: 13px; }}
 .studio-said {{ padding: 0 10px 6px; font-size: 12px; color: #c92a2a; }}
-div:has(> div > .studio-chips) {{ display: flex; flex-wrap: wrap; padding: 4px; }}
-div:has(> div > .studio-chips) > div {{ margin-inline: 2px !important; padding-bottom: 5px !important; }}
-div:has(> div > .studio-chips) button {{ padding-inline: 9px; }}
 .mantine-Notifications-root {{ top: 160px !important; }}
 """
 
@@ -65,14 +63,16 @@ class Page:
         server: The page's server.
         robot: Which is seen.
         emotions: Every emotion.
-        gestures: Of the semantic bank, by name.
         controls: Of the database.
         steering: Passes on what people do.
 
     Attributes:
         strip: The time strip, to be told what comes.
         facts: What is known of the graph, to be kept up to date.
-        expression: The emotion in force.
+        expression: The emotion in force; empty until that is heard.
+        demands: The constraints on the motion in force; None until that is heard.
+        gestures: The buttons of the semantic bank.
+        bare: Why some links are drawn by simple shapes, in words, by link.
         chosen: The chosen keypoints.
         refined: The refined keypoints.
     """
@@ -82,18 +82,26 @@ class Page:
         server: viser.ViserServer,
         robot: Robot,
         emotions: Mapping[str, Emotion],
-        gestures: Mapping[str, Gesture],
         controls: Controls,
         steering: Steering,
     ):
         self._server, self._robot, self._steering = server, robot, steering
         self._events, self._ticks = Events(), 0
         self.strip, self.facts, self.expression = Strip(), Facts(), ""
+        self.demands: Sequence[Demand] | None = None
         self._said = ""
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         self._build_scene(server, robot)
         self._build_left(server)
-        self._build_right(server, robot, emotions, gestures, controls)
+        tabs = self._build_right(server)
+        with tabs.add_tab("Speak"):
+            self._build_speech(server)
+            self._feelings = Feelings(server, emotions, self._events, steering)
+        with tabs.add_tab("Controls"):
+            self._controls = ControlSliders(server, controls, self._events, steering)
+        self.gestures = GestureButtons(server, tabs.add_tab("Gestures"), self._events, steering)
+        with tabs.add_tab("Take over"):
+            self._arms = Arms(server, robot, self._view, self._events, steering)
         self._build_strip(server)
         self._build_stop(server)
 
@@ -133,6 +141,8 @@ class Page:
             if self._ticks % EVERY_SLIDERS == 0:
                 self._arms.show(measured, goals)
                 self._feelings.show(self.expression)
+                if self.demands is not None:
+                    self._controls.show(self.demands)
                 self._show_stop()
             if self._ticks % EVERY_STRIP == 0:
                 self._strip.content = self.strip.html(now)
@@ -140,18 +150,19 @@ class Page:
                 self._table.content = self.facts.html(self._robot.joints)
 
     def _build_scene(self, server: viser.ViserServer, robot: Robot) -> None:
-        self._view = RobotView(server, "/robot", robot)
-        self._ghost = RobotView(server, "/target", robot, ghost=TARGET)
+        meshes = load_meshes(robot)
+        self.bare = meshes.troubles
+        self._view = RobotView(server, "/robot", robot, meshes)
+        self._ghost = RobotView(server, "/target", robot, meshes, ghost=TARGET)
         self._ghost.root.visible = False
         size = self._view.height
-        middle = self._view.floor + 0.45 * size
         server.scene.world_axes.visible = False
         server.scene.add_grid(
             "/floor", width=8 * size, height=8 * size, cell_size=size / 4, section_size=size,
             position=(0.0, 0.0, self._view.floor), cell_color=(225, 230, 235), section_color=(205, 212, 219),
         )  # fmt: skip
-        server.initial_camera.position = (2.3 * size, 0.9 * size, middle + 0.5 * size)
-        server.initial_camera.look_at = (0.0, 0.0, middle - 0.04 * size)
+        server.initial_camera.position, server.initial_camera.look_at = self._view.camera
+        middle = self._view.floor + 0.45 * size
         self.chosen, self.refined = (
             Figure(server, name, color, (-0.2 * size, side * size, middle), 0.65 * size)
             for name, color, side in (("/chosen", CHOSEN, -0.85), ("/refined", REFINED, 0.85))
@@ -171,35 +182,16 @@ class Page:
         panel.dock_left()
         panel.set_width(LEFT)
 
-    def _build_right(
-        self,
-        server: viser.ViserServer,
-        robot: Robot,
-        emotions: Mapping[str, Emotion],
-        gestures: Mapping[str, Gesture],
-        controls: Controls,
-    ) -> None:
+    def _build_right(self, server: viser.ViserServer) -> viser.GuiTabGroupHandle:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(RIGHT)
         self._trouble = server.gui.add_html("")
-        tabs = server.gui.add_tab_group()
-        with tabs.add_tab("Speak"):
-            self._text = server.gui.add_text("text", "Hello, I am glad to see you.", multiline=True)
-            speak = server.gui.add_button("Speak", icon=viser.Icon.MESSAGE_CIRCLE)
-            speak.on_click(self._events.on("say", lambda _value: self._say()))
-            self._feelings = Feelings(server, emotions, self._events, self._steering)
-        with tabs.add_tab("Controls"):
-            ControlSliders(server, controls, self._events, self._steering)
-        with tabs.add_tab("Gestures"):
-            server.gui.add_html('<div class="studio-chips"></div>')
-            for name in gestures:
-                button = server.gui.add_button(name.replace("_", " "), color="gray")
-                button.on_click(self._events.on(name, partial(self._make, name)))
-        with tabs.add_tab("Take over"):
-            self._arms = Arms(server, robot, self._view, self._events, self._steering)
+        return server.gui.add_tab_group()
 
-    def _make(self, gesture: str, _value: object) -> None:
-        self._steering.make(gesture)
+    def _build_speech(self, server: viser.ViserServer) -> None:
+        self._text = server.gui.add_text("text", "Hello, I am glad to see you.", multiline=True)
+        speak = server.gui.add_button("Speak", icon=viser.Icon.MESSAGE_CIRCLE)
+        speak.on_click(self._events.on("say", lambda _value: self._say()))
 
     def _build_strip(self, server: viser.ViserServer) -> None:
         panel = server.gui.add_panel()
@@ -210,7 +202,7 @@ class Page:
     def _build_stop(self, server: viser.ViserServer) -> None:
         panel = server.gui.add_panel()
         with panel.add_tab("Stop"):
-            styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE
+            styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE, gestures.STYLE
             server.gui.add_html(f'<div class="studio-stop"></div><style>{"".join(styles)}</style>')
             stop = server.gui.add_button("STOP", color="red", icon=viser.Icon.HAND_STOP)
             self._stopped = server.gui.add_html(

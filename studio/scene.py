@@ -1,4 +1,4 @@
-"""The robot in the page's scene, from the shapes of its URDF."""
+"""The robot in the page's scene, from the meshes and the shapes of its URDF."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,13 @@ from gesture_bot.evaluate.raycast import half_extents
 from gesture_bot.evaluate.robot_gif import facing, robot_shapes
 from gesture_bot.retarget.kinematics import Kinematics, Shape
 from gesture_bot.retarget.robot import Robot
+from gesture_bot.studio.meshes import Meshes
 
 STILL = 5e-4
 """A pose is sent once a joint has moved so far [rad]; a step of a servo is 1.5e-3."""
+
+TURNED = 1e-4
+"""What a link moves less than this is not sent [m, or half the angle in rad]."""
 
 Color = tuple[int, int, int]
 
@@ -29,12 +33,14 @@ class _Batch:
 class RobotView:
     """A robot that is shown at joint angles.
 
-    Shapes of a kind are one batch, so that a pose is a few short messages, however many links there are.
+    Shapes of a kind are one batch, so that a pose is a few short messages, however many links there are. A
+    link with meshes takes two of its own whenever it moves.
 
     Args:
         server: The page's server.
         name: Of its place in the scene, such as /robot.
         robot: Which.
+        meshes: The looks of its links; simple shapes stand for those that have none.
         ghost: The one color of a robot that is seen through; None: it has its own.
 
     Attributes:
@@ -44,20 +50,40 @@ class RobotView:
         height: From there to its highest shape [m].
     """
 
-    def __init__(self, server: viser.ViserServer, name: str, robot: Robot, ghost: Color | None = None):
+    def __init__(
+        self, server: viser.ViserServer, name: str, robot: Robot, meshes: Meshes, ghost: Color | None = None
+    ):
         self.kinematics = Kinematics(robot)
         self._angles = np.full(len(robot.joints), np.nan)
+        self._meshed = tuple(meshes.links)
         self.turn = facing(self.kinematics, robot)
         self.root = server.scene.add_frame(name, show_axes=False, wxyz=_quaternions(self.turn))
-        shapes = robot_shapes(self.kinematics)
+        shapes = robot_shapes(self.kinematics, self._meshed)
         self._batches = [
             _Batch(members, _drawn(server, f"{name}/{number}", [shapes[i] for i in members], ghost))
             for number, members in enumerate(_alike(shapes))
         ]
-        reach = [np.abs(shape.rotation[2]) @ half_extents(shape) for shape in shapes]
-        heights = np.array([shape.position[2] for shape in shapes])
-        self.floor = float((heights - reach).min())
-        self.height = float((heights + reach).max()) - self.floor
+        self._links = np.array([self.kinematics.link(link) for link in self._meshed], int)
+        self._drawn = [
+            _drawn_meshes(server, f"{name}/mesh{number}", parts, ghost)
+            for number, parts in enumerate(meshes.links.values())
+        ]
+        self._poses = np.full((len(self._links), 7), np.nan)
+        self._place_meshes()
+        heights = _heights(shapes) + [
+            self.kinematics.position(link, corner)[2]
+            for link, parts in meshes.links.items()
+            for corner in trimesh.Scene(parts).bounding_box.vertices
+        ]
+        self.floor = float(min(heights))
+        self.height = float(max(heights)) - self.floor
+
+    @property
+    def camera(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """From where it is seen first, and which point is in the middle [m]."""
+        middle = self.floor + 0.45 * self.height
+        position = 2.3 * self.height, 0.9 * self.height, middle + 0.5 * self.height
+        return position, (0.0, 0.0, middle - 0.04 * self.height)
 
     def show(self, angles: np.ndarray) -> None:
         """Show it at (j,) joint angles [rad]; where one is not known, or none has moved, nothing changes."""
@@ -65,12 +91,44 @@ class RobotView:
             return
         self._angles = angles.copy()
         self.kinematics.place(angles)
-        shapes = robot_shapes(self.kinematics)
+        self._place_meshes()
+        shapes = robot_shapes(self.kinematics, self._meshed)
+        if not shapes:
+            return
         positions = np.array([shape.position for shape in shapes], np.float32)
         quaternions = _quaternions(np.array([shape.rotation for shape in shapes]))
         for batch in self._batches:
             batch.drawn.batched_positions = positions[batch.members]
             batch.drawn.batched_wxyzs = quaternions[batch.members]
+
+    def _place_meshes(self) -> None:
+        data = self.kinematics.data
+        poses = np.hstack([data.xpos[self._links], data.xquat[self._links]])
+        still = np.isclose(poses, self._poses, rtol=0, atol=TURNED).all(axis=1)
+        for number in np.flatnonzero(~still):
+            self._poses[number] = poses[number]
+            self._drawn[number].position, self._drawn[number].wxyz = poses[number, :3], poses[number, 3:]
+
+
+def _heights(shapes: list[Shape]) -> list[float]:
+    """Where shapes begin and end [m]."""
+    reach = [np.abs(shape.rotation[2]) @ half_extents(shape) for shape in shapes]
+    return [
+        float(shape.position[2] + way)
+        for shape, half in zip(shapes, reach, strict=True)
+        for way in (-half, half)
+    ]
+
+
+def _drawn_meshes(
+    server: viser.ViserServer, name: str, meshes: list[trimesh.Trimesh], ghost: Color | None
+) -> viser.GlbHandle | viser.MeshHandle:
+    if not ghost:
+        return server.scene.add_glb(name, trimesh.Scene(meshes).export(file_type="glb"))
+    whole = trimesh.Scene(meshes).to_mesh()
+    return server.scene.add_mesh_simple(
+        name, whole.vertices, whole.faces, color=ghost, opacity=0.35, cast_shadow=False
+    )
 
 
 def _alike(shapes: list[Shape]) -> list[list[int]]:

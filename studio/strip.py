@@ -193,7 +193,9 @@ STYLE = """
 .studio-strip .bar { fill: #26303a; font-size: 11px; }
 .studio-strip .beat { stroke: #b34700; stroke-width: 1.5; opacity: 0.6; }
 .studio-strip .now { stroke: #e03131; stroke-width: 1.5; }
+@media (prefers-reduced-motion: no-preference) {
 .studio-strip .moving { animation: studio-strip 10s linear; transform-box: view-box; }
+}
 @keyframes studio-strip { to { transform: translateX(-100%); } }
 """
 """The whole strip passes in PAST + AHEAD seconds."""

@@ -14,6 +14,8 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 
 def run(*arguments, timeout=60):
     """The finished process of one command."""

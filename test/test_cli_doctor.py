@@ -3,7 +3,10 @@
 import os
 import subprocess
 
+import pytest
 from conftest import command
+
+pytestmark = pytest.mark.live
 
 
 def doctor(**environment):

@@ -18,6 +18,8 @@ from gesture_bot.cli.main import main
 from gesture_bot.nodes.motion_mux import MotionMux
 from gesture_bot.retarget.robot import load_robot
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 ELBOW = ROBOT.joints.index("left_elbow")
 DOWN, RIGHT, LEFT = "\x1b[B", "\x1b[C", "\x1bOD"

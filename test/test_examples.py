@@ -18,6 +18,8 @@ from gesture_bot.nodes.graph import NODES
 from gesture_bot.nodes.node import seconds
 from gesture_bot.retarget.robot import load_robot
 
+pytestmark = pytest.mark.live
+
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 ENDING = ("emotions.py", "controls.py", "own_voice.py", "teleop.py")

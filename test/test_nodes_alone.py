@@ -15,6 +15,8 @@ from gesture_bot.base.files import config_dir
 from gesture_bot.nodes.graph import NODES
 from gesture_bot.retarget.robot import load_robot
 
+pytestmark = pytest.mark.live
+
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 
 

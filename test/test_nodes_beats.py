@@ -17,6 +17,8 @@ from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.beats import Intervals, speech_beats
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 
 

@@ -15,6 +15,8 @@ from small_database import small_database
 from gesture_bot.msg import Constraint, Control, Emotion
 from gesture_bot.nodes.node import PLAN, STATE, stamp
 
+pytestmark = pytest.mark.live
+
 EXECUTABLE = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot" / "gesture_selector"
 
 HIGH = Constraint(quantity="wrist_height", value=80.0)

@@ -7,6 +7,8 @@ import psutil
 import pytest
 from conftest import running, wait_until
 
+pytestmark = pytest.mark.live
+
 REFINER = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot" / "gesture_refiner"
 EPHEMERAL = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
 """From this port on are those that a socket gets for sending; nobody knows them."""

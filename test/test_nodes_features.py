@@ -16,6 +16,8 @@ from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.features import speech_features
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 EXECUTABLE = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot" / "feature_streamer"
 
 PIECE = 1600

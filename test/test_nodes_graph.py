@@ -26,6 +26,8 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 TEXT = (
     "Hello, today we walk along the river and count the boats that pass, and then we go on to the old "
     "market, where people sell bread and flowers, and in the evening we sit by the fire and tell stories."

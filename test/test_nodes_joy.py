@@ -17,6 +17,8 @@ from gesture_bot.nodes.motion_mux import MotionMux
 from gesture_bot.nodes.node import PLAN
 from gesture_bot.retarget.robot import load_robot
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 LEFT = tuple(joint for joint in ROBOT.joints if joint.startswith("left_"))
 SHOULDER, ELBOW = ROBOT.joints.index("left_shoulder_pitch"), ROBOT.joints.index("left_elbow")

@@ -36,6 +36,8 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo import mux
 from gesture_bot.servo.arbitration import load_arbitration
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 
 

@@ -23,6 +23,8 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.servo.bus import Bus
 from gesture_bot.servo.models import signed
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 JOINT = ROBOT.joints.index("head_pan")
 SERVO = ROBOT.servos[JOINT]

@@ -19,6 +19,8 @@ from gesture_bot.nodes.node import PLAN, STREAM, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 CARD_RATE = 44_100
 PIECE = SAMPLE_RATE // 10

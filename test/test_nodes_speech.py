@@ -15,6 +15,8 @@ from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 EXECUTABLE = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot" / "speech_source"
 TEXT = "We count the boats on the river."
 

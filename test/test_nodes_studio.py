@@ -3,41 +3,114 @@
 import http.client
 import math
 import re
+import shutil
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+import trimesh
 from conftest import command, running, wait_until
 from std_msgs.msg import String
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.msg import Word
-from gesture_bot.nodes.node import PLAN, stamp
+from gesture_bot.base.files import config_dir
+from gesture_bot.msg import Constraint, Control, Emotion, Word
+from gesture_bot.nodes.node import PLAN, STATE, stamp
+from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.robot import load_robot
+from gesture_bot.studio.arms import HANDLE
 from gesture_bot.studio.guard import open_server
+from gesture_bot.studio.meshes import FACES, Meshes, load_meshes
 from gesture_bot.studio.reaching import Reaching
+from gesture_bot.studio.scene import RobotView
+
+pytestmark = pytest.mark.live
+
+STATES = (Control, "control"), (Emotion, "emotion")
+
+RAISED = np.array([0.0, 0.0, 0.08])
+"""How far the wrist is dragged [m]."""
+
+BANK = """
+gestures:
+  over_the_hills:
+    triggers: [over the hills]
+    keyframes:
+      - {time: 0.0, right: open}
+"""
 
 MARKUP = "<img src=x onerror=\"document.title='caught'\">"
 
 
 @pytest.fixture
-def address(listener, demo_corpus):
+def address(listener, demo_corpus, tmp_path):
     """Where the page of a running graph is."""
     browser = pytest.importorskip("browser", reason="playwright is not installed: pip install playwright")
     if not browser.CHROMIUM:
         pytest.skip("chromium is not installed: apt-get install chromium")
-    with running(command("run", "studio:=true", "studio_address:=127.0.0.1:0")) as process:
+    shutil.copytree(config_dir() / "banks", tmp_path / "banks")
+    settings = "studio:=true", "studio_address:=127.0.0.1:0", f"banks:={tmp_path / 'banks'}"
+    with running(command("run", *settings)) as process:
         found = next(filter(None, (re.search(r"open (http\S+)", line) for line in process.stdout)))
         wait_until(lambda: listener.record.joint_states and listener.record.refined, 60, "the graph to move")
         yield found[1]
 
 
-def test_two_pages_steer_the_robot_and_agree(listener, address):
+class Camera:
+    """What a page's camera sees, until somebody turns it."""
+
+    def __init__(self, robot, page):
+        server, _ = open_server("127.0.0.1:0")
+        self.view = RobotView(server, "/robot", robot, Meshes())
+        self._fov = server.initial_camera.fov
+        server.stop()
+        self._box = page.locator("canvas").first.bounding_box()
+
+    def pixel(self, point):
+        """Where a point in the robot's base frame is seen."""
+        position, look_at = map(np.array, self.view.camera)
+        forward = (look_at - position) / np.linalg.norm(look_at - position)
+        right = np.cross(forward, [0, 0, 1])
+        right /= np.linalg.norm(right)
+        seen = self.view.turn @ point - position
+        focal = self._box["height"] / 2 / math.tan(self._fov / 2)
+        x, y = (focal * (seen @ axis) / (seen @ forward) for axis in (right, np.cross(forward, right)))
+        return self._box["x"] + self._box["width"] / 2 + x, self._box["y"] + self._box["height"] / 2 + y
+
+
+def drag(page, slider, pixels):
+    """Drag the thumb of a slider to the right; where it is then."""
+    box = slider.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + pixels, y, steps=4)
+    page.mouse.up()
+    return x + pixels, y
+
+
+def touch(page, place, pixels):
+    """Drag a finger to the right."""
+    session = page.context.new_cdp_session(page)
+    x, y = place
+    for kind, points in (
+        ("touchStart", [{"x": x, "y": y}]),
+        *(("touchMove", [{"x": x + pixels * step / 4, "y": y}]) for step in range(1, 5)),
+        ("touchEnd", []),
+    ):
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
     from browser import element, open_pages
 
     record, robot, said = listener.record, load_robot("toa"), []
     listener.create_subscription(String, "say", lambda message: said.append(message.data), PLAN)
     words = listener.create_publisher(Word, "speech/words", PLAN)
+    controls, emotions = (listener.create_publisher(*topic, STATE) for topic in STATES)
+    asked = []
+    for topic in STATES:
+        listener.create_subscription(*topic, asked.append, STATE)
 
     def owners():
         message = record.owners[-1].message
@@ -46,7 +119,11 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
     def button(page, name):
         return page.get_by_role("button", name=name, exact=True)
 
-    with open_pages(address, 2, (1024, 768), 0.25) as (page, other):
+    def bound():
+        (constraint,) = record.states[-1].message.constraints
+        return constraint.quantity, constraint.hand, constraint.bound, constraint.unit
+
+    with open_pages(address, 2, (1024, 768), sparing=True) as (page, other):
         element(page, "text", "textarea").fill(f"Good morning {MARKUP}")
         button(page, "Speak").click()
         wait_until(lambda: len(record.words) > 1, 30, "the words")
@@ -73,28 +150,49 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
             "() => [...document.querySelectorAll('input')].some(input => input.value === 'excited')"
         )
 
-        page.get_by_role("tab", name="Controls").click()
-        end = page.locator(".multi-slider-thumb").first
-        end.wait_for()
-        box = end.bounding_box()
-        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        page.mouse.down()
-        page.wait_for_timeout(300)
-        page.mouse.move(box["x"] + 60, box["y"], steps=4)
-        page.wait_for_timeout(300)
-        page.mouse.up()
-        wait_until(lambda: record.states[-1].message.constraints, 20, "the control")
-        (constraint,) = record.states[-1].message.constraints
-        assert (constraint.quantity, constraint.hand, constraint.bound) == (
-            "wrist_height",
-            "left",
-            "at_least",
+        for one in (page, other):
+            one.get_by_role("tab", name="Controls").click()
+        lowest = page.get_by_role("slider").first
+        lowest.press("ArrowRight")
+        wait_until(lambda: record.states[-1].message.constraints, 20, "the control by keys")
+        assert bound() == ("wrist_height", "left", "at_least", "value")
+        before = record.states[-1].message.constraints[0].value
+        middle = drag(page, lowest, 60)
+        wait_until(lambda: record.states[-1].message.constraints[0].value > before + 0.1, 20, "the control")
+        assert bound() == ("wrist_height", "left", "at_least", "value")
+        before = record.states[-1].message.constraints[0].value
+        touch(page, middle, -40)
+        wait_until(lambda: record.states[-1].message.constraints[0].value < before - 0.05, 20, "the touch")
+        range_told = other.locator(".studio-range").first
+        wait_until(
+            lambda: f"≥ {record.states[-1].message.constraints[0].value:.2f} m" in range_told.inner_text(),
+            20,
+            "the other page to tell the control",
         )
-        assert constraint.unit == "value"
         button(page, "Free the motion").click()
         wait_until(lambda: not record.states[-1].message.constraints, 20, "no control")
 
+        asked.clear()
+        emotions.publish(Emotion(expression="angry"))
+        controls.publish(Control(constraints=[Constraint(quantity="wrist_height", value=70.0)]))
+        for one in (page, other):
+            for side in ("left", "right"):
+                row = one.locator(".studio-range", has_text=f"wrist height, {side}")
+                row.get_by_text("(percentile").wait_for()
+            one.locator(".studio-pad .felt", has_text="angry").wait_for(state="attached")
+        controls.publish(Control())
+
         page.get_by_role("tab", name="Gestures").click()
+        (tmp_path / "banks" / "mine.yaml").write_text(BANK)
+        button(page, "over the hills").wait_for()
+        page.wait_for_timeout(1000)  # the selector looks at its bank once a second, as the page does
+        button(page, "over the hills").click()
+        wait_until(
+            lambda: "over_the_hills" in [heard.message.name for heard in record.selected], 20, "the new one"
+        )
+        (tmp_path / "banks" / "mine.yaml").unlink()
+        button(page, "over the hills").wait_for(state="detached")
+        assert len(asked) == 3, "what others ask for is shown, not asked for again"
         button(page, "thanks").click()
         wait_until(lambda: "thanks" in [heard.message.name for heard in record.selected], 20, "the gesture")
 
@@ -109,6 +207,26 @@ def test_two_pages_steer_the_robot_and_agree(listener, address):
         wait_until(
             lambda: abs(record.joint_states[-1].message.position[column] - reached) < 0.05, 20, "the elbow"
         )
+
+        def angles():
+            return np.array(record.joint_states[-1].message.position)
+
+        element(page, "drag wrists").click()
+        reaching, camera = Reaching(robot, "left"), Camera(robot, page)
+        wrist = reaching.wrist(angles())
+        grip = wrist + [0, 0, 0.6 * HANDLE * camera.view.height]
+        page.wait_for_timeout(500)  # the arrows follow the wrist some times a second
+        page.mouse.move(*camera.pixel(grip))
+        page.mouse.down()
+        page.mouse.move(*camera.pixel(grip + RAISED), steps=5)
+        wait_until(lambda: reaching.wrist(angles())[2] > wrist[2] + RAISED[2] / 2, 20, "the wrist to rise")
+        page.mouse.up()
+        wait_until(
+            lambda: np.linalg.norm(reaching.wrist(angles()) - wrist - RAISED) < 0.025, 20, "the wrist there"
+        )
+        assert (angles() >= robot.limits.lower - 0.01).all() and (angles() <= robot.limits.upper + 0.01).all()
+        assert owners()["right_elbow"] != "teleop"
+
         button(page, "Give back").first.click()
         wait_until(lambda: owners()["left_elbow"] == "gesture", 20, "the elbow to be given back")
         button(page, "Take").first.click()
@@ -176,3 +294,42 @@ def test_a_dragged_wrist_is_reached_inside_the_limits():
             assert np.linalg.norm(reaching.wrist(angles) - start - way) < 0.01
             assert (angles >= robot.limits.lower).all() and (angles <= robot.limits.upper).all()
             assert len(found) == 5, "the other arm stays"
+
+
+def test_a_robot_looks_like_its_meshes_and_like_simple_shapes_without(tmp_path):
+    robots, looks = tmp_path / "looks" / "robots", tmp_path / "looks" / "meshes"
+    shutil.copytree(config_dir() / "robots", robots)
+    looks.mkdir()
+    fine = trimesh.creation.icosphere(subdivisions=6)
+    assert len(fine.faces) > FACES
+    fine.export(looks / "ball.stl")
+    ball = '<mesh filename="package://looks/meshes/ball.stl" scale="0.05 0.05 0.4"/>'
+    lost = '<mesh filename="package://looks/meshes/lost.stl"/>'
+    urdf = (robots / "toa.urdf").read_text()
+    for simple, mesh in (
+        ('<origin xyz="0 0 0.02"/><geometry><cylinder radius="0.022" length="0.05"/>', ball),
+        ('<origin xyz="0 0 -0.03"/><geometry><box size="0.046 0.018 0.05"/>', lost),
+    ):
+        assert simple in urdf
+        origin, _, _ = simple.partition("<geometry>")
+        urdf = urdf.replace(simple, f"{origin}<geometry>{mesh}")
+    (robots / "toa.urdf").write_text(urdf)
+
+    robot = load_robot(str(robots / "toa.yaml"))
+    meshes = load_meshes(robot)
+    assert set(meshes.troubles) == {"left_hand", "right_hand"}
+    assert "lost.stl" in meshes.troubles["left_hand"]
+    ((link, (neck,)),) = meshes.links.items()
+    assert link == "neck"
+    assert len(neck.faces) <= FACES
+    np.testing.assert_allclose(neck.bounds, [[-0.05, -0.05, -0.38], [0.05, 0.05, 0.42]], atol=2e-3)
+    color = neck.visual.material.main_color[:3].astype(int)
+    np.testing.assert_allclose(color, [51, 56, 64], atol=1, err_msg="the URDF's dark")
+
+    kinematics = Kinematics(robot)
+    assert len(kinematics.shapes(meshes.links)) == len(kinematics.shapes()) - 1, "nothing stands for the neck"
+    server, _ = open_server("127.0.0.1:0")
+    plain = RobotView(server, "/plain", load_robot("toa"), Meshes())
+    view = RobotView(server, "/robot", robot, meshes)
+    server.stop()
+    assert view.height > plain.height + 0.1, "the mesh is higher than the head"

@@ -15,6 +15,8 @@ from gesture_bot.nodes.node import STREAM, stamp
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 EXECUTABLES = Path(sysconfig.get_path("data")) / "lib" / "gesture_bot"
 RATE = 44_100
 BANK = """

@@ -22,6 +22,8 @@ from gesture_bot.servo.monitor import read_states
 from gesture_bot.servo.settings import Change, apply, inspect
 from gesture_bot.servo.virtual_servo import ServoSpec
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 BAUDRATE = ROBOT.bus.baudrate
 SERVO = {servo.joint: servo for servo in ROBOT.servos}

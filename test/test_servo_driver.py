@@ -24,6 +24,8 @@ from gesture_bot.servo.table import PRESENT, ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("toa")
 ROBOT = replace(ROBOT, bus=ROBOT.bus.model_copy(update={"lag_ms": 0.0}))
 ELBOW = ROBOT.joints.index("left_elbow")

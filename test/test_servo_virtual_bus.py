@@ -26,6 +26,8 @@ from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import ServoSpec, VirtualServo
 from gesture_bot.servo.virtual_wire import HEADER, VirtualWire, status_packet, with_crc
 
+pytestmark = pytest.mark.live
+
 SDK = Protocol2PacketHandler()
 TORQUE, WATCHDOG, PROFILE_ACCELERATION, PROFILE_VELOCITY = 64, 98, 108, 112
 GOAL, VELOCITY, POSITION = 116, 128, 132

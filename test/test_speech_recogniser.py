@@ -18,6 +18,8 @@ from gesture_bot.speech.recogniser import Recogniser
 from gesture_bot.speech.recogniser_process import LONGEST_QUEUE, ON_THE_WAY, PIECE, RecogniserProcess
 from gesture_bot.speech.voice import load_voice
 
+pytestmark = pytest.mark.live
+
 TEXT = "Good morning, everybody. Please wait a minute, the old bridge is dangerous."
 A, B = ("microphone", 1), ("microphone", 2)
 QUEUED = (LONGEST_QUEUE - 1) * PIECE
