@@ -18,7 +18,7 @@ from gesture_bot.matching.hearing import ONSET
 from gesture_bot.matching.quantities import QUANTITIES, measure
 from gesture_bot.matching.search import MAX_K, Search, eligible
 from gesture_bot.matching.selector import LATELY
-from gesture_bot.matching.settling import rest_pose
+from gesture_bot.matching.settling import nearest, rest_pose, rest_poses
 from gesture_bot.matching.speaker import Speaker, is_loud, speech_statistics
 from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of
 from gesture_bot.refine.hindsight import hindsight
@@ -30,7 +30,7 @@ HELD_OUT = 0.1
 
 @dataclass(frozen=True)
 class Walk:
-    """A stretch of speech, and what the search finds for its sound.
+    """A stretch of a recording, and what the search finds for its sound.
 
     Attributes:
         recording: Its number.
@@ -38,7 +38,7 @@ class Walk:
         heard: (n, 28) the sound in the voice of the database, as the selector hears it; see Speaker.
         found: (3, n) rows of the database, the motion that was found: always the best match; drawn for each
             of the search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A
-            window begins every 8 frames.
+            window begins every 8 frames. -1 where nobody speaks.
         joined: (3, n, 17, 3) that motion without jumps where windows meet [m].
         bounds: (n, 16) the controls, which the real motion keeps; see bounds.bounds_of.
     """
@@ -68,8 +68,8 @@ def held_out(database: Database, seed: int) -> np.ndarray:
 def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> list[Walk]:
     """Run the search of MM22 over the sound of all recordings.
 
-    It runs through each stretch of speech of at least 64 frames, from rest on, each window the next query,
-    as when the robot speaks. Where the recordings are those that are searched, too, what it finds is from
+    It runs through each recording as it would for speech, from rest on, each window the next query; where
+    nobody speaks, it rests. Where the recordings are those that are searched, too, what it finds is from
     another one, and from none that is held out: their sequences are taken out of the control mask. As in the
     selector, no window comes back within LATELY.
 
@@ -81,10 +81,9 @@ def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> 
     """
     walker = _Walker(database, spoken, held, seed)
     return [
-        walk
+        walker.walk(int(recording), rows)
         for recording in tqdm(np.unique(spoken.recording), "searching", unit="recording", disable=None)
         for rows in stretches(spoken, recording)
-        for walk in walker.walks(int(recording), rows)
     ]
 
 
@@ -110,25 +109,19 @@ class _Walker:
     def __init__(self, database: Database, spoken: Database, held: np.ndarray, seed: int) -> None:
         self._database, self._spoken, self._held, self._seed = database, spoken, held, seed
         self._search = Search(database)
-        self._rest = self._search.pose_of(rest_pose(database))
+        self._rest = nearest(rest_poses(database), rest_pose(database))
         self._controls, self._voice = Controls(database), speech_statistics(database)
         measured = measure(spoken)
         self._measured = np.concatenate([measured[quantity] for quantity in QUANTITIES]).T
         self._ranked = np.sort(self._measured, axis=0)
 
-    def walks(self, recording: int, rows: np.ndarray) -> Iterator[Walk]:
-        """Of the speech in consecutive rows (n,) of a recording."""
+    def walk(self, recording: int, rows: np.ndarray) -> Walk:
+        """Of consecutive rows (n,) of a recording."""
         features = self._spoken.features[rows]
         loud, speaker = is_loud(features), Speaker(*self._voice)
         heard = np.stack([speaker.push(*frame) for frame in zip(features, loud, strict=True)])
         # Arms move a little before speech, and through short pauses.
-        speech = maximum_filter1d(loud, 2 * ONSET + 1)
-        for run in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(speech)) + 1):
-            if speech[run[0]] and len(run) >= SEQUENCE:
-                yield self._walk(recording, rows[run], heard, run[0])
-
-    def _walk(self, recording: int, rows: np.ndarray, heard: np.ndarray, begin: int) -> Walk:
-        """Of consecutive rows (n,) of a recording, of whose stretch (m, 28) is heard, from a frame on."""
+        speech = np.maximum.reduceat(maximum_filter1d(loud, 2 * ONSET + 1), np.arange(0, len(rows), WINDOW))
         generator = np.random.default_rng([self._seed, recording, rows[0]])
         windows = -(-len(rows) // WINDOW)
         best, others = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
@@ -141,18 +134,19 @@ class _Walker:
         either = np.where(generator.random(windows) < 0.5, best, others)
         found = np.stack(
             [
-                self._found(heard[begin:], [free] * windows, best),
-                self._found(heard[begin:], [free] * windows, others),
-                self._found(heard[begin:], steered, either),
+                self._found(heard, speech, [free] * windows, best),
+                self._found(heard, speech, [free] * windows, others),
+                self._found(heard, speech, steered, either),
             ]
         )
         bounds = np.stack([bounds_of(admission.kept) for admission in steered])
+        bounds[~speech] = np.nan
         return Walk(
             recording,
             rows,
-            heard[begin:][: len(rows)],
-            found[:, : len(rows)],
-            np.stack([joined(self._database.keypoints[one]) for one in found[:, : len(rows)]]),
+            heard,
+            found,
+            np.stack([joined(self._shown(one)) for one in found]),
             np.repeat(bounds, WINDOW, axis=0)[: len(rows)],
         )
 
@@ -174,11 +168,17 @@ class _Walker:
         sequences = int(eligible(mask).any(axis=1).sum())
         return replace(admission, mask=mask, sequences=sequences)
 
-    def _found(self, heard: np.ndarray, admissions: list[Admission], ks: np.ndarray) -> np.ndarray:
-        """(8 w,) rows of the motion of w windows that is found for sound (n, 28)."""
-        pose, found = self._rest, []
+    def _found(
+        self, heard: np.ndarray, speech: np.ndarray, admissions: list[Admission], ks: np.ndarray
+    ) -> np.ndarray:
+        """(n,) rows of the motion that is found for sound (n, 28), or -1, of which w windows are speech."""
+        pose, found = self._search.pose_of(self._rest), []
         lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
-        for window, (admission, k) in enumerate(zip(admissions, ks, strict=True)):
+        for window, (spoken, admission, k) in enumerate(zip(speech, admissions, ks, strict=True)):
+            if not spoken:
+                pose = self._search.pose_of(self._rest)
+                found.append(np.full(WINDOW, -1))
+                continue
             sound = self._search.audio_of(heard[WINDOW * window :][: AUDIO_OFFSETS[-1] + 1])
             match = self._search.find(pose, sound, admission.without(lately), int(k))
             assert match  # there are others
@@ -186,4 +186,8 @@ class _Walker:
             found.append(np.arange(first, first + WINDOW))
             pose = self._search.pose_at(first + WINDOW - 1)
             lately.appendleft((match.sequence, match.frame))
-        return np.concatenate(found)
+        return np.concatenate(found)[: len(heard)]
+
+    def _shown(self, found: np.ndarray) -> np.ndarray:
+        """(n, 17, 3) the motion of rows (n,) of the database, at rest where they are -1 [m]."""
+        return np.where((found < 0)[:, None, None], self._rest, self._database.keypoints[found])
