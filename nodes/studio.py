@@ -17,7 +17,7 @@ from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.frames import frame_time
 from gesture_bot.corpus.demo import load_database
 from gesture_bot.matching.banks import WatchedBanks
-from gesture_bot.matching.controls import Constraint, Controls
+from gesture_bot.matching.controls import Controls, Demand
 from gesture_bot.matching.emotions import load_emotions
 from gesture_bot.msg import (
     Audio,
@@ -107,7 +107,7 @@ class Studio(Operator):
         message.header.stamp = stamp(self.now())
         self._emotion.publish(message)
 
-    def constrain(self, constraints: Sequence[Constraint]) -> None:
+    def constrain(self, constraints: Sequence[Demand]) -> None:
         """Put constraints on the motion."""
         message = Control(constraints=[constraint_to(constraint) for constraint in constraints])
         message.header.stamp = stamp(self.now())

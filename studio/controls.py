@@ -83,7 +83,7 @@ class _Range:
         ]
 
     def _set(self, bound: Bound, value: float) -> None:
-        self.sliders[bound].value = round(float(np.clip(value, *self._ends.values())), 2)
+        self.sliders[bound].value = round(min(max(value, self._ends["at_least"]), self._ends["at_most"]), 2)
 
     def _describe(self) -> None:
         """Say the bounds in words."""

@@ -5,12 +5,13 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from gesture_bot.base.errors import RobotError
 from gesture_bot.retarget.robot import Robot
@@ -106,11 +107,12 @@ def _read(
 
 def _paint(mesh: trimesh.Trimesh, color: np.ndarray | None) -> None:
     """Give a mesh that has no colors of its own one; what shines as metal would be black without a room."""
-    if isinstance(mesh.visual, TextureVisuals):
-        material = mesh.visual.material
-        mesh.visual.material = material = material.to_pbr() if hasattr(material, "to_pbr") else material
+    look: Any = mesh.visual
+    if isinstance(look, TextureVisuals):
+        material: Any = look.material
+        look.material = material = material.to_pbr() if isinstance(material, SimpleMaterial) else material
         material.alphaMode, material.metallicFactor = "OPAQUE", 0.0
-    elif mesh.visual.kind is None:
+    elif look is None or look.kind is None:
         mesh.visual = _plain(np.array(COLOR) if color is None else color)
 
 
@@ -135,7 +137,7 @@ def _simplify(meshes: Meshes) -> None:
 def _simpler(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
     if len(mesh.faces) <= faces:
         return mesh
-    colors = mesh.visual.to_color() if isinstance(mesh.visual, TextureVisuals) else mesh.visual
+    colors: Any = mesh.visual.to_color() if isinstance(mesh.visual, TextureVisuals) else mesh.visual
     simple = mesh.simplify_quadric_decimation(face_count=faces)
     simple.visual = _plain(np.atleast_2d(colors.vertex_colors).mean(axis=0))
     return simple

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-from gesture_bot.matching.controls import Constraint
+from gesture_bot.matching.controls import Demand
 
 
 class Steering(Protocol):
@@ -15,7 +15,7 @@ class Steering(Protocol):
     def feel(self, expression: str, valence: float = 0.0, arousal: float = 0.0) -> None:
         """Feel an emotion: a name of hri_msgs/Expression, or, where that is empty, the nearest one."""
 
-    def constrain(self, constraints: Sequence[Constraint]) -> None:
+    def constrain(self, constraints: Sequence[Demand]) -> None:
         """Put constraints on the motion, in place of those before."""
 
     def make(self, gesture: str) -> None:
