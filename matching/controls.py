@@ -205,7 +205,9 @@ class Controls:
             chosen |= self._database.labelled(demand.kind, name)
         return np.repeat(chosen[:, None], SEQUENCE, axis=1)
 
-    def admit(self, demands: Sequence[Demand], background: Sequence[Demand] = ()) -> Admission:
+    def admit(
+        self, demands: Sequence[Demand], background: Sequence[Demand] = (), among: np.ndarray | None = None
+    ) -> Admission:
         """The frames that keep all constraints, or as much of them as leaves enough to choose from.
 
         The constraints are taken by priority, the highest first. One that would leave fewer than FEWEST
@@ -215,8 +217,11 @@ class Controls:
         Args:
             demands: What was asked for.
             background: What gives way before any of it: an emotion.
+            among: (S,) bool: the sequences that may be chosen at all.
         """
         mask = np.ones((len(self._database.starts), SEQUENCE), bool)
+        if among is not None:
+            mask &= among[:, None]
         relaxed, kept = [], []
         for demand in (*_strongest_first(demands), *_strongest_first(background)):
             wanted = mask & self.mask(demand)

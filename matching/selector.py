@@ -1,7 +1,9 @@
 """The gesture selector: from speech features, keywords and controls to windows of motion, ahead of time."""
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
@@ -66,20 +68,35 @@ class Selector:
         seed: int = 0,
         align_beats: bool = False,
     ) -> None:
-        self.hearing = Hearing(database)
-        self._database, self._emotions = database, emotions
+        self._database, self._emotions, self._gestures = database, emotions, gestures
         check_settings(k, preselection)
         self._search, self._controls = Search(database), Controls(database)
-        self._k, self._preselection, self._generator = k, preselection, np.random.default_rng(seed)
-        self._align_beats = align_beats
+        self._preselection, self._align_beats = preselection, align_beats
         self._rest, self._rest_poses = rest_pose(database), rest_poses(database)
+        self._begin(k, seed, None)
 
+    def fresh(self, k: int, seed: int, among: np.ndarray | None = None) -> Self:
+        """Another one for the same database, which has heard and planned nothing.
+
+        Args:
+            k: See Selector.
+            seed: Likewise.
+            among: (S,) bool: the sequences that may be chosen; None: all.
+        """
+        check_settings(k, self._preselection)
+        other = copy.copy(self)
+        other._begin(k, seed, among)
+        return other
+
+    def _begin(self, k: int, seed: int, among: np.ndarray | None) -> None:
+        self.hearing = Hearing(self._database)
+        self._k, self._generator, self._among = k, np.random.default_rng(seed), among
         self._plan: Plan | None = None
         self._settling: Settling | None = None
-        self._strokes = Strokes(gestures)
+        self._strokes = Strokes(self._gestures)
         self._cut: int | None = None
         self._late = 0
-        self._emotion = find_emotion(emotions, "neutral", 0.0, 0.0)
+        self._emotion = find_emotion(self._emotions, "neutral", 0.0, 0.0)
         self._constraints: tuple[Demand, ...] = ()
         self._since = 0.0
         self._asked: tuple[Sequence[Demand], ...] = ()
@@ -225,7 +242,7 @@ class Selector:
         asked = self._constraints, tuple(emotion)
         # A state is often told again; in a large database it takes a while to apply.
         if asked != self._asked:
-            self._asked, self._admission = asked, self._controls.admit(*asked)
+            self._asked, self._admission = asked, self._controls.admit(*asked, self._among)
 
     def _interrupt_rest(self, plan: Plan, soonest: int) -> None:
         """Cut the plan where it rests, or hands retract, although somebody speaks."""
@@ -252,7 +269,8 @@ class Selector:
         match = self._search.find(pose, sound, mask, k, self._preselection)
         if match is None:
             # All that the controls leave is the very frame that is shown.
-            match = self._search.find(pose, sound, np.ones_like(mask), k, self._preselection)
+            mask = self._controls.admit((), among=self._among).mask
+            match = self._search.find(pose, sound, mask, k, self._preselection)
         if match is None:
             return None
         tempo, amplitude = self._shape(match.sequence)

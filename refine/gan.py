@@ -62,8 +62,8 @@ class Recipe:
 
 RECIPES = {
     "paper": Recipe(1e-4, penalty=100, critic_steps=5, critic_share=1, motion=False, controls=False),
-    "light": Recipe(3e-4, penalty=100, critic_steps=3, critic_share=0.5, motion=True, controls=False),
-    "steered": Recipe(3e-4, penalty=100, critic_steps=3, critic_share=0.5, motion=True, controls=True),
+    "light": Recipe(1e-4, penalty=100, critic_steps=3, critic_share=0.5, motion=True, controls=False),
+    "steered": Recipe(1e-4, penalty=100, critic_steps=3, critic_share=0.5, motion=True, controls=True),
 }
 """MM22 (critic steps: the authors' code); one for a processor; and that with controls."""
 

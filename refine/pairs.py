@@ -1,27 +1,23 @@
 """What the network learns from: real motion, and what the search finds for the sound of the same frames."""
 
-from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 from tqdm import tqdm
 
 from gesture_bot.base.errors import InvalidValueError
-from gesture_bot.base.frames import WINDOW, KeypointClip
-from gesture_bot.base.keypoints import with_bone_lengths
+from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
+from gesture_bot.base.keypoints import KEYPOINTS, with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE, Database
-from gesture_bot.matching.controls import FEWEST, Admission, Controls
-from gesture_bot.matching.features import AUDIO_OFFSETS
-from gesture_bot.matching.hearing import ONSET
+from gesture_bot.matching.emotions import NEUTRAL
 from gesture_bot.matching.quantities import QUANTITIES, measure
-from gesture_bot.matching.search import MAX_K, Search, eligible
-from gesture_bot.matching.selector import LATELY
-from gesture_bot.matching.settling import nearest, rest_pose, rest_poses
-from gesture_bot.matching.speaker import Speaker, is_loud, speech_statistics
+from gesture_bot.matching.search import MAX_K
+from gesture_bot.matching.selector import AHEAD, Selector
+from gesture_bot.matching.speaker import is_loud
 from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of
 from gesture_bot.refine.hindsight import hindsight
+from gesture_bot.refine.offline import LEAD_IN
 from gesture_bot.refine.smoothing import WindowJoiner
 
 HELD_OUT = 0.1
@@ -30,25 +26,24 @@ HELD_OUT = 0.1
 
 @dataclass(frozen=True)
 class Walk:
-    """A stretch of a recording, and what the search finds for its sound.
+    """A stretch of a recording, and what the selector finds for its sound.
 
     Attributes:
         recording: Its number.
         rows: (n,) of the recordings: sound and real motion.
-        heard: (n, 28) the sound in the voice of the database, as the selector hears it; see Speaker.
-        found: (3, n) rows of the database, the motion that was found: always the best match; drawn for each
-            of the search's windows, one of the 2nd to the 15th (MM22); and either of these under controls. A
-            window begins every 8 frames. -1 where nobody speaks.
-        joined: (3, n, 17, 3) that motion without jumps where windows meet [m].
+        heard: (n, 28) the sound as the selector hears it, in the voice of the database.
+        joined: (3, n, 17, 3) the motion that was found, without jumps where windows meet [m]: always the best
+            match; for each window one of the first 15, drawn (MM22); and either of these under controls.
         bounds: (n, 16) the controls, which the real motion keeps; see bounds.bounds_of.
+        sequences: The sequences of the database that were shown.
     """
 
     recording: int
     rows: np.ndarray
     heard: np.ndarray
-    found: np.ndarray
     joined: np.ndarray
     bounds: np.ndarray
+    sequences: np.ndarray
 
 
 def held_out(database: Database, seed: int) -> np.ndarray:
@@ -66,18 +61,16 @@ def held_out(database: Database, seed: int) -> np.ndarray:
 
 
 def walks(database: Database, spoken: Database, held: np.ndarray, seed: int) -> list[Walk]:
-    """Run the search of MM22 over the sound of all recordings.
+    """Let the selector gesture to the sound of all recordings, as it does when the robot speaks.
 
-    It runs through each recording as it would for speech, from rest on, each window the next query; where
-    nobody speaks, it rests. Where the recordings are those that are searched, too, what it finds is from
-    another one, and from none that is held out: their sequences are taken out of the control mask. As in the
-    selector, no window comes back within LATELY.
+    Where the recordings are those that are searched, too, what it finds is from another one, and from none
+    that is held out.
 
     Args:
         database: What is searched.
         spoken: The recordings; it may be the same.
         held: Those of them that are held out.
-        seed: Of the draw.
+        seed: Of every draw.
     """
     walker = _Walker(database, spoken, held, seed)
     return [
@@ -94,100 +87,70 @@ def stretches(database: Database, recording: int) -> Iterator[np.ndarray]:
     yield from np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
 
 
-def joined(windows: np.ndarray) -> np.ndarray:
-    """Motion of windows of 8 frames, joined: (n, 17, 3) -> (n, 17, 3) [m]."""
-    joiner = WindowJoiner()
-    made = []
-    for start in range(0, len(windows), WINDOW):
-        joiner.push(KeypointClip(start, windows[start : start + WINDOW]))
-        frames = slice(start - joiner.start, None)
-        made.append(with_bone_lengths(joiner.motion[frames], joiner.lengths[frames]))
-    return np.concatenate(made)
-
-
 class _Walker:
     def __init__(self, database: Database, spoken: Database, held: np.ndarray, seed: int) -> None:
         self._database, self._spoken, self._held, self._seed = database, spoken, held, seed
-        self._search = Search(database)
-        self._rest = nearest(rest_poses(database), rest_pose(database))
-        self._controls, self._voice = Controls(database), speech_statistics(database)
+        self._selector = Selector(database, {}, NEUTRAL)
         measured = measure(spoken)
         self._measured = np.concatenate([measured[quantity] for quantity in QUANTITIES]).T
         self._ranked = np.sort(self._measured, axis=0)
 
     def walk(self, recording: int, rows: np.ndarray) -> Walk:
         """Of consecutive rows (n,) of a recording."""
-        features = self._spoken.features[rows]
-        loud, speaker = is_loud(features), Speaker(*self._voice)
-        heard = np.stack([speaker.push(*frame) for frame in zip(features, loud, strict=True)])
-        # Arms move a little before speech, and through short pauses.
-        speech = np.maximum.reduceat(maximum_filter1d(loud, 2 * ONSET + 1), np.arange(0, len(rows), WINDOW))
         generator = np.random.default_rng([self._seed, recording, rows[0]])
-        windows = -(-len(rows) // WINDOW)
-        best, others = np.ones(windows, int), generator.integers(2, MAX_K + 1, windows)
-        allowed = np.ones(len(self._database.starts), bool)
-        if self._spoken is self._database:
-            allowed = ~np.isin(self._database.recording, [recording, *self._held])
-        free = self._admission(np.full(BOUNDS, np.nan), allowed)
-        asked = hindsight(self._measured[rows], self._ranked, generator)[::WINDOW]
-        steered = self._steered(asked, allowed, free)
-        either = np.where(generator.random(windows) < 0.5, best, others)
-        found = np.stack(
-            [
-                self._found(heard, speech, [free] * windows, best),
-                self._found(heard, speech, [free] * windows, others),
-                self._found(heard, speech, steered, either),
-            ]
-        )
-        bounds = np.stack([bounds_of(admission.kept) for admission in steered])
-        bounds[~speech] = np.nan
+        free = np.full((len(rows), BOUNDS), np.nan)
+        asked = hindsight(self._measured[rows], self._ranked, generator)
+        shown = [
+            self._show(recording, rows, bounds, k, generator)
+            for k, bounds in ((1, free), (MAX_K, free), (int(generator.choice([1, MAX_K])), asked))
+        ]
+        frames = slice(LEAD_IN, LEAD_IN + len(rows))
         return Walk(
             recording,
             rows,
-            heard,
-            found,
-            np.stack([joined(self._shown(one)) for one in found]),
-            np.repeat(bounds, WINDOW, axis=0)[: len(rows)],
+            shown[0].heard,
+            np.stack([one.joined[frames] for one in shown]),
+            shown[2].bounds[frames],
+            np.unique(np.concatenate([one.sequences for one in shown])),
         )
 
-    def _steered(self, asked: np.ndarray, allowed: np.ndarray, free: Admission) -> list[Admission]:
-        """What thresholds (w, 16) of windows admit; where that is too little to choose from, `free`."""
-        steered: list[Admission] = []
-        for number, bounds in enumerate(asked):
-            if number and np.array_equal(bounds, asked[number - 1], equal_nan=True):
-                steered.append(steered[-1])
-                continue
-            admission = self._admission(bounds, allowed)
-            steered.append(admission if admission.sequences >= FEWEST else free)
-        return steered
+    def _show(
+        self, recording: int, rows: np.ndarray, bounds: np.ndarray, k: int, generator: np.random.Generator
+    ) -> "_Shown":
+        among = None
+        if self._spoken is self._database:
+            among = ~np.isin(self._database.recording, [recording, *self._held])
+        selector = self._selector.fresh(k, int(generator.integers(1 << 31)), among)
+        features = self._spoken.features[rows]
+        for frame, (sound, loud) in enumerate(zip(features, is_loud(features), strict=True), LEAD_IN):
+            selector.hearing.add_features(frame, sound, bool(loud))
+        heard = selector.hearing.features(LEAD_IN, LEAD_IN + len(rows))
+        joiner, frames = WindowJoiner(), LEAD_IN + len(rows)
+        joined, kept = (
+            np.empty((frames + SEQUENCE, len(KEYPOINTS), 3)),
+            np.full((frames + SEQUENCE, BOUNDS), np.nan),
+        )
+        sequences = []
+        for frame in range(frames):
+            coming = np.clip(frame + round(AHEAD * FRAME_RATE) - LEAD_IN, 0, len(rows) - 1)
+            selector.set_controls(constraints_of(bounds[coming]))
+            for window in selector.plan(frame_time(frame)):
+                joiner.push(KeypointClip(window.start, window.keypoints))
+                new = slice(-len(window.keypoints), None)
+                joined[window.start : window.stop] = with_bone_lengths(
+                    joiner.motion[new], joiner.lengths[new]
+                )
+                kept[window.start : window.stop] = bounds_of(window.kept)
+                if window.source == "speech":
+                    sequences.append(window.sequence)
+        return _Shown(heard, joined, kept, np.array(sequences, int))
 
-    def _admission(self, bounds: np.ndarray, allowed: np.ndarray) -> Admission:
-        """What thresholds (16,) admit of the sequences that are allowed."""
-        admission = self._controls.admit(constraints_of(bounds))
-        mask = admission.mask & allowed[:, None]
-        sequences = int(eligible(mask).any(axis=1).sum())
-        return replace(admission, mask=mask, sequences=sequences)
 
-    def _found(
-        self, heard: np.ndarray, speech: np.ndarray, admissions: list[Admission], ks: np.ndarray
-    ) -> np.ndarray:
-        """(n,) rows of the motion that is found for sound (n, 28), or -1, of which w windows are speech."""
-        pose, found = self._search.pose_of(self._rest), []
-        lately: deque[tuple[int, int]] = deque(maxlen=LATELY // WINDOW)
-        for window, (spoken, admission, k) in enumerate(zip(speech, admissions, ks, strict=True)):
-            if not spoken:
-                pose = self._search.pose_of(self._rest)
-                found.append(np.full(WINDOW, -1))
-                continue
-            sound = self._search.audio_of(heard[WINDOW * window :][: AUDIO_OFFSETS[-1] + 1])
-            match = self._search.find(pose, sound, admission.without(lately), int(k))
-            assert match  # there are others
-            first = self._search.row(match.sequence, match.frame)
-            found.append(np.arange(first, first + WINDOW))
-            pose = self._search.pose_at(first + WINDOW - 1)
-            lately.appendleft((match.sequence, match.frame))
-        return np.concatenate(found)[: len(heard)]
+@dataclass(frozen=True)
+class _Shown:
+    """What the selector shows to a recording, from LEAD_IN frames before its sound on; see Walk."""
 
-    def _shown(self, found: np.ndarray) -> np.ndarray:
-        """(n, 17, 3) the motion of rows (n,) of the database, at rest where they are -1 [m]."""
-        return np.where((found < 0)[:, None, None], self._rest, self._database.keypoints[found])
+    heard: np.ndarray
+    joined: np.ndarray
+    bounds: np.ndarray
+    sequences: np.ndarray
