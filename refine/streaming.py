@@ -18,9 +18,10 @@ from gesture_bot.speech.features import FEATURES
 Refined = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """From windows of features, keypoints and bounds to refined keypoints; see Card.refined."""
 
-SIGMA = 1.0
-"""Standard deviation of the Gaussian over what the network makes [frames]: half of what motion is smoothed by
-without a network, enough to take away its noise.
+SIGMA = 1.25
+"""Standard deviation of the Gaussian over what the network makes [frames].
+
+With less, the noise that it adds takes beats from the motion (PMB).
 """
 
 
