@@ -36,6 +36,7 @@ def export(state: dict[str, Any], width: float, card: Card, path: Path) -> None:
     with warnings.catch_warnings():
         # The new exporter would need another package, and writes the same graph.
         warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.filterwarnings("ignore", "Constant folding", UserWarning)
         torch.onnx.export(
             generator, example, graph, dynamo=False, opset_version=17,
             input_names=["heard", "found"], output_names=["refined"],
