@@ -60,7 +60,6 @@ def main() -> None:
         "ratio": median(rival) / median(ours),
         "step_ms": median(step),
         "step_ms_p99": float(np.percentile(step, 99)),
-        "threads": 1,
         "onnxruntime": onnxruntime.__version__,
         "torch": torch.__version__,
         **machine(),
