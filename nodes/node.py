@@ -1,13 +1,16 @@
 """What the nodes share: described parameters, guarded callbacks, and the quality of service."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.callback_groups import CallbackGroup
+from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -34,6 +37,21 @@ REMEMBERED = 10.0
 
 ECHO = 0.1
 """The same state again within so long was heard by both subscriptions to it [s]."""
+
+
+@contextmanager
+def until_shutdown(context: Context) -> Iterator[None]:
+    """For an executor to spin in: rclpy's context ends when a signal comes, at any moment."""
+    try:
+        yield
+    except ExternalShutdownException:
+        pass
+    except RuntimeError:
+        # The signal may come while a message is taken, and ends the context a moment later.
+        if context.ok():
+            time.sleep(0.2)
+        if context.ok():
+            raise
 
 
 class GestureNode(Node):

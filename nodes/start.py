@@ -8,14 +8,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions, install_signal_handlers
@@ -26,6 +25,7 @@ from gesture_bot.nodes.discovery import keep_local
 from gesture_bot.nodes.graph import ARGUMENTS, COMMON, NODES, Argument, GraphNode
 from gesture_bot.nodes.interruption import Interruption
 from gesture_bot.nodes.managed import ManagedNode
+from gesture_bot.nodes.node import until_shutdown
 from gesture_bot.nodes.parameter_file import check_file, check_parameters
 
 PATIENCE = 3.0
@@ -128,9 +128,10 @@ def _end_with_parent() -> None:
 def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Sequence[str]) -> int:
     interruption = Interruption()
     running: list[Node] = []
+    started = False
     files = [file for word, file in pairwise(args) if word == "--params-file"]
     try:
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
+        with suppress(KeyboardInterrupt):
             _init(args)
             for node in nodes:
                 kind = getattr(importlib.import_module(f"gesture_bot.nodes.{node.name}"), node.class_name)
@@ -142,6 +143,7 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
                 )
                 interruption.check()
                 check_parameters(running[-1], files)
+            started = True
             _work(running)
     except GestureBotError as error:
         return _report(error)
@@ -151,6 +153,10 @@ def _spin(nodes: Sequence[GraphNode], values: Mapping[str, str | int], args: Seq
         for built in reversed(running):
             built.destroy_node()
         rclpy.try_shutdown()
+    if not started:
+        # A node was interrupted half-way; what its libraries have begun may abort a process that ends itself.
+        sys.stdout.flush()
+        os._exit(0)
     return 0
 
 
@@ -168,13 +174,8 @@ def _work(nodes: Sequence[Node]) -> None:
     for node in nodes:
         executor.add_node(node)
     install_signal_handlers()  # they wake an executor that waits, and pass the signal on
-    try:
+    with until_shutdown(rclpy.get_default_context()):
         executor.spin()
-    except RuntimeError:
-        # The signal may come while a message is taken, and ends rclpy's context a moment later.
-        time.sleep(0.2)
-        if rclpy.ok():
-            raise
 
 
 def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: str) -> int:

@@ -1,12 +1,11 @@
 """What must not wait for anything else in the process: a stop."""
 
 import threading
-from contextlib import suppress
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
-from gesture_bot.nodes.node import GestureNode
+from gesture_bot.nodes.node import GestureNode, until_shutdown
 
 
 class UrgentNode(GestureNode):
@@ -41,5 +40,5 @@ class UrgentNode(GestureNode):
         super().destroy_node()
 
     def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
+        with until_shutdown(self.context):
             self._loop.spin_until_future_complete(self._ended)

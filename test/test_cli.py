@@ -14,8 +14,6 @@ from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
 from gesture_bot.speech.voice import load_voice
 
-pytestmark = pytest.mark.live
-
 
 def run(*arguments, timeout=60):
     """The finished process of one command."""
@@ -31,6 +29,7 @@ def speech(tmp_path_factory):
     return path
 
 
+@pytest.mark.live  # the others run no graph
 def test_demo_shows_all_and_writes_its_files(demo_corpus, tmp_path):
     result = run("demo", "-o", str(tmp_path / "out"), timeout=150)
     assert result.returncode == 0, result.stdout + result.stderr

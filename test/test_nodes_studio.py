@@ -130,11 +130,16 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         assert said == [f"Good morning {MARKUP}"]
         assert [heard.message.text for heard in record.words][:2] == ["Good", "morning"]
 
-        message = Word(text=MARKUP, duration=0.3)
-        message.header.stamp = stamp(listener.now())
-        words.publish(message)
+        def shows_word(one):
+            """The strip shows the last seconds alone: said again, until the page comes to draw it."""
+            message = Word(text=MARKUP, duration=0.3)
+            message.header.stamp = stamp(listener.now())
+            words.publish(message)
+            one.wait_for_timeout(1000)
+            return one.locator(".studio-strip").get_by_text(MARKUP).count()
+
         for one in (page, other):
-            one.locator(".studio-strip").get_by_text(MARKUP).wait_for()
+            wait_until(lambda one=one: shows_word(one), 60, "the word")
             assert one.title() != "caught"
             assert not one.locator("img[src=x]").count()
 
