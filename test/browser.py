@@ -14,10 +14,10 @@ SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swifts
 
 FEW_FRAMES = """
 const later = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = draw => setTimeout(() => later(draw), 100);
+window.requestAnimationFrame = draw => setTimeout(() => later(draw), 250);
 window.cancelAnimationFrame = clearTimeout;
 """
-"""Runs in a page first: it draws up to ten pictures a second, and does all else as ever."""
+"""Runs in a page first: it draws up to four pictures a second, and does all else as ever."""
 
 
 @contextmanager
