@@ -47,7 +47,15 @@ def nodes(card, listener):
 def say(node, samples, utterance=1):
     """As speech_source does: announced, in pieces; the moment at which it is to be heard."""
     audio = node.create_publisher(Audio, "speech/audio", STREAM)
-    wait_until(lambda: audio.get_subscription_count() > 2, 30, "both nodes")
+    listeners = {"loudspeaker", "microphone", node.get_name()}
+
+    def they_alone():
+        """A graph of the test before may still be known for a while."""
+        names = [one.node_name for one in node.get_subscriptions_info_by_topic("speech/audio")]
+        return set(names) == listeners and len(names) == audio.get_subscription_count() == 3
+
+    wait_until(they_alone, 30, "both nodes and no other")
+    time.sleep(0.5)
     begin = node.now() + 2.0
     for first in range(0, len(samples), PIECE):
         message = Audio(utterance=utterance, sample_rate=SAMPLE_RATE, last=first + PIECE >= len(samples))
