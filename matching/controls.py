@@ -142,7 +142,7 @@ class Admission:
     sequences: int
     share: float
     relaxed: tuple[str, ...]
-    kept: tuple[Constraint, ...] = ()
+    kept: tuple[Constraint, ...]
 
     def without(self, shown: Iterable[tuple[int, int]]) -> np.ndarray:
         """The mask without windows that were shown, as long as MAX_K sequences stay eligible.

@@ -12,7 +12,7 @@ from gesture_bot.nodes.constraints import bounds_from
 from gesture_bot.nodes.messages import clip_from, clip_to
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, GestureNode, diagnostic, seconds
 from gesture_bot.nodes.placing import Placing, hear
-from gesture_bot.refine.model import SHIPPED, load_model
+from gesture_bot.refine.model import NONE, SHIPPED, load_model
 from gesture_bot.refine.smoothing import WindowSmoother
 from gesture_bot.refine.streaming import NetworkRefiner
 
@@ -44,8 +44,8 @@ class GestureRefiner(GestureNode):
 
     def _load(self, model: str, database: str) -> None:
         try:
-            loaded = load_database(database)
-            network = load_model(model, loaded)
+            # Without a network, nothing here needs the database.
+            network = None if model == NONE else load_model(model, load_database(database))
         except GestureBotError as error:
             self._trouble = [f"smooths, since the model cannot be used: {error}"]
             self.get_logger().warning(self._trouble[0])
@@ -53,7 +53,7 @@ class GestureRefiner(GestureNode):
         if network is None:
             self.get_logger().info(f"model {model}: windows are smoothed, no network refines them")
             return
-        self._hearing, self._placing = Hearing(loaded), Placing()
+        self._hearing, self._placing = Hearing(load_database(database)), Placing()
         self._network = NetworkRefiner(network, self._hearing)
         self.listen(SpeechFeatures, "speech/features", self._on_features, STREAM)
         self.listen(Cut, "speech/cut", self._on_cut, PLAN)

@@ -5,8 +5,9 @@ from typing import get_args
 
 import numpy as np
 
+from gesture_bot.corpus.database import Database
 from gesture_bot.matching.controls import Bound, Constraint, Hand
-from gesture_bot.matching.quantities import QUANTITIES, TWO_HANDED, Quantity
+from gesture_bot.matching.quantities import QUANTITIES, TWO_HANDED, Quantity, measure
 
 _HANDS: tuple[Hand, ...] = ("left", "right")
 
@@ -19,6 +20,11 @@ MEASURED: tuple[tuple[Quantity, Hand], ...] = tuple(
 
 BOUNDS = len(get_args(Bound)) * len(MEASURED)
 """How many bounds there can be: first `at_least` of each number, then `at_most`."""
+
+
+def measured(database: Database) -> np.ndarray:
+    """The numbers of MEASURED on every frame of a database: (N, 8) float32 [m, m/s]."""
+    return np.concatenate(list(measure(database).values())).T
 
 
 def bounds_of(kept: Sequence[Constraint]) -> np.ndarray:

@@ -20,7 +20,7 @@ from gesture_bot.base.keypoints import (
     with_bone_lengths,
 )
 from gesture_bot.corpus.database import Database
-from gesture_bot.matching.quantities import QUANTITIES, measure
+from gesture_bot.refine.bounds import measured
 
 ENTRY = "gesture_bot model"
 """Of the ONNX file's metadata; it holds a Card as JSON."""
@@ -89,8 +89,7 @@ class Card(BaseModel):
         """The card of a model for a database that is to be trained on rows of recordings."""
         rows = np.unique(rows)
         bones = bone_vectors(spoken.keypoints[rows].astype(np.float64))
-        measured = measure(spoken)
-        quantities = np.concatenate([measured[quantity] for quantity in QUANTITIES])[:, rows]
+        quantities = measured(spoken)[rows].astype(np.float64)
         return cls(
             keypoint_mean=database.keypoint_mean.tolist(),
             keypoint_deviation=database.keypoint_deviation.tolist(),
@@ -98,8 +97,8 @@ class Card(BaseModel):
             feature_deviation=database.feature_deviation.tolist(),
             bone_mean=bones.mean(axis=0).tolist(),
             bone_deviation=np.maximum(bones.std(axis=0), LEAST_DEVIATION).tolist(),
-            quantity_mean=quantities.mean(axis=1).tolist(),
-            quantity_deviation=np.maximum(quantities.std(axis=1), LEAST_DEVIATION).tolist(),
+            quantity_mean=quantities.mean(axis=0).tolist(),
+            quantity_deviation=np.maximum(quantities.std(axis=0), LEAST_DEVIATION).tolist(),
             controls=controls,
             provenance={"database": database.metadata, "spoken": spoken.metadata},
             settings=settings,

@@ -11,11 +11,10 @@ from gesture_bot.base.frames import FRAME_RATE, KeypointClip, frame_time
 from gesture_bot.base.keypoints import KEYPOINTS, with_bone_lengths
 from gesture_bot.corpus.database import SEQUENCE, Database
 from gesture_bot.matching.emotions import NEUTRAL
-from gesture_bot.matching.quantities import QUANTITIES, measure
 from gesture_bot.matching.search import MAX_K
 from gesture_bot.matching.selector import AHEAD, Selector
 from gesture_bot.matching.speaker import is_loud
-from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of
+from gesture_bot.refine.bounds import BOUNDS, bounds_of, constraints_of, measured
 from gesture_bot.refine.hindsight import hindsight
 from gesture_bot.refine.offline import LEAD_IN
 from gesture_bot.refine.smoothing import WindowJoiner
@@ -91,8 +90,7 @@ class _Walker:
     def __init__(self, database: Database, spoken: Database, held: np.ndarray, seed: int) -> None:
         self._database, self._spoken, self._held, self._seed = database, spoken, held, seed
         self._selector = Selector(database, {}, NEUTRAL)
-        measured = measure(spoken)
-        self._measured = np.concatenate([measured[quantity] for quantity in QUANTITIES]).T
+        self._measured = measured(spoken)
         self._ranked = np.sort(self._measured, axis=0)
 
     def walk(self, recording: int, rows: np.ndarray) -> Walk:
