@@ -5,6 +5,7 @@ This one hears "hello" and "goodbye", with pocketsphinx: python examples/own_rec
 
 import sys
 import tempfile
+import time
 from contextlib import suppress
 
 import numpy as np
@@ -47,7 +48,10 @@ rclpy.init()
 node = rclpy.create_node("own_recogniser")
 words = node.create_publisher(Word, "speech/words", 100)
 stream = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-node.create_subscription(Audio, "speech/audio", hear, stream)
+audio = node.create_subscription(Audio, "speech/audio", hear, stream)
+# A word that is published before somebody listens is lost.
+while not (audio.get_publisher_count() and words.get_subscription_count()):
+    time.sleep(0.1)
 print("listens", flush=True)
 with suppress(KeyboardInterrupt, ExternalShutdownException):
     rclpy.spin(node)

@@ -31,7 +31,17 @@ def program(name, *arguments):
 
 
 @pytest.fixture(scope="module")
-def graph(demo_corpus):
+def lasting():
+    """Programs that wait for a graph. Started before it, they know all of it by the time that it moves."""
+    with ExitStack() as stack:
+        yield {
+            name: stack.enter_context(running(program(name, *arguments)))
+            for name, arguments in LASTING.items()
+        }
+
+
+@pytest.fixture(scope="module")
+def graph(demo_corpus, lasting):
     # A microphone that is not there: the node has its topics, and hears nobody.
     with listening() as listener, running(command("run", "microphone:=none of all")):
         wait_until(lambda: listener.record.joint_states and listener.record.refined, 120, "the graph to move")
@@ -39,14 +49,10 @@ def graph(demo_corpus):
 
 
 @pytest.fixture(scope="module")
-def seen(graph):
+def seen(graph, lasting):
     """What was on the topics, and what each program printed."""
     outputs = {}
     with ExitStack() as stack:
-        lasting = {
-            name: stack.enter_context(running(program(name, *arguments)))
-            for name, arguments in LASTING.items()
-        }
         assert lasting["own_recogniser.py"].stdout.readline() == "listens\n"
         # Alone, since the emotions of others change the voice.
         outputs["talk.py"] = subprocess.check_output(program("talk.py"), text=True, timeout=60)
