@@ -112,8 +112,9 @@ class MotionMux:
         self.stopped = True
 
     def reset(self) -> None:
-        """Let the sources move the joints again."""
+        """Let the sources move the joints again. What they asked for until now is void."""
         self.stopped = False
+        self._forget_all()
 
     def tick(self, now: float) -> JointTrajectory:
         """Motion of all joints for the next 0.3 s, and a last point at which they have come to rest."""
@@ -142,9 +143,7 @@ class MotionMux:
         where, speed = self._command(np.array([self._ticked]))
         self._left_position, self._left_velocity = where[0], speed[0]
         self._changed[:], self._owner[:] = now, NOBODY
-        for name, plan in self._plans.items():
-            plan.forget(set(self.joints))
-            self._heard[name][:] = -np.inf
+        self._forget_all()
         self._lock_heard = {name: (engaged, now) for name, (engaged, _) in self._lock_heard.items()}
 
     def _lapsed(self, source: Source, now: float) -> np.ndarray:
@@ -170,6 +169,11 @@ class MotionMux:
             self._plans[source.name].forget(
                 {joint for joint, gone in zip(self.joints, lapsed, strict=True) if gone}
             )
+
+    def _forget_all(self) -> None:
+        for name, plan in self._plans.items():
+            plan.forget(set(self.joints))
+            self._heard[name][:] = -np.inf
 
     def _asked(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, j) positions [rad] and velocities [rad/s] that the owners plan; NaN where there is none."""

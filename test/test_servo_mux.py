@@ -212,7 +212,11 @@ def test_stop_brakes_and_latches_until_reset():
     assert np.ptp(positions, axis=0).max() < 1e-3
     assert mux.stopped and set(mux.owners.values()) == {"stop"}
     mux.reset()
-    _, positions, velocities = play(mux, T0 + 3.0, 1.0)
+    _, positions, _ = play(mux, T0 + 3.0, 0.5)
+    assert np.ptp(positions, axis=0).max() < 1e-3, "what was asked for before the reset is void"
+    assert set(mux.owners.values()) == {"nobody"}
+    mux.set_source("teleop", wave(start=T0 + 3.5), T0 + 3.5)
+    _, positions, velocities = play(mux, T0 + 3.5, 1.0)
     assert_smooth(positions, velocities)
     assert set(mux.owners.values()) == {"teleop"}
 
