@@ -122,6 +122,7 @@ def test_joints_and_poses_are_chosen_moved_stopped_and_given_back(graph):
         wait_until(lambda: "the robot is stopped" in terminal.shows(), 5, "the answer")
         terminal.type("r")
         wait_until(lambda: set(owners(graph).values()) == {"nobody"}, 5, "the reset")
+        wait_until(lambda: "no joint is yours" in terminal.shows(), 5, "the reset on the screen")
 
         terminal.type(".")
         terminal.type("\r")
