@@ -10,7 +10,7 @@ from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.table import PRESENT
 
 SILENT_AFTER = 8
-"""A servo that has not answered in so many cycles on end is silent, and no longer asked in each cycle."""
+"""A servo that has been asked in vain in so many cycles is silent, and no longer asked in each cycle."""
 
 ALONE_AFTER = 2
 """After so many, it is asked alone: those behind it in a common question may wait for its answer in vain."""
@@ -80,21 +80,23 @@ class PresentReader:
         answers = self._ask(together, fast)
         self.read_at = self._bus.asked_at
         missing = self._in_turn(set(asked) - set(answers))
+        alone: dict[int, bytes] = {}
+        turns = 0
         if missing:
             self.failures += 1
             self._plain = PLAIN_CYCLES
             until = self._bus.clock.monotonic() + RETRY_TIME
-            for servo_id in missing:
-                if self._bus.clock.monotonic() > until:
-                    break
-                answers |= self._ask([servo_id], fast=False)
+            while turns < len(missing) and self._bus.clock.monotonic() <= until:
+                alone |= self._ask([missing[turns]], fast=False)
+                turns += 1
+        answers |= alone
         self.fresh[:] = [servo_id in answers for servo_id in self._ids]
-        for servo_id in asked:
-            if servo_id in answers:
-                self._missed[servo_id] = 0
-                self.present[self._ids.index(servo_id)] = np.frombuffer(answers[servo_id], PRESENT)[0]
-            else:
-                self._missed[servo_id] += 1
+        for servo_id, data in answers.items():
+            self._missed[servo_id] = 0
+            self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
+        # When a bus has come back, those whose turn does not come in time are as well as those whose did.
+        for servo_id in set(missing[:turns] if alone else missing) - set(alone):
+            self._missed[servo_id] += 1
         self._judge(self._bus.clock.monotonic() - self.read_at)
 
     def read_all(self) -> None:

@@ -341,6 +341,31 @@ def test_a_state_in_which_a_servo_did_not_answer_is_told():
     driver.close()
 
 
+def test_a_bus_that_hangs_for_a_moment_costs_no_servo_its_place(monkeypatch):
+    """As a busy USB controller does, or a virtual bus whose process waits for its turn."""
+    wire = simulated_bus(ROBOT)
+    driver = Driver(robot_with(on_exit="off"), wire.port)
+    driver.start()
+    read, busy = VirtualServo.read, False
+
+    def answer(servo, address, size):
+        wire.port.clock.sleep(0.0012 if busy else 0.0)
+        return read(servo, address, size)
+
+    monkeypatch.setattr(VirtualServo, "read", answer)
+    for k in range(40):
+        wire.faults.silent = set(wire.servos) if 10 <= k < 15 else set()
+        busy = 15 <= k < 18
+        prompt = driver.tick(T0 + k * DT).prompt
+        assert not driver.status.out, f"in cycle {k}"
+    assert prompt
+    wire.faults.silent = set(wire.servos)
+    for k in range(40, 48):
+        driver.tick(T0 + k * DT)
+    assert set(driver.status.out) == set(ROBOT.joints), "a bus that stays silent is told as soon as one servo"
+    driver.close()
+
+
 def test_a_servo_that_does_not_tell_where_it_is_is_named():
     wire = simulated_bus(ROBOT)
     bus = Bus(wire.port, ROBOT.bus.baudrate)
