@@ -49,15 +49,24 @@ def speak_live(node, samples):
     return begin
 
 
+def holds(node, since):
+    """Whether a servo has not answered since then, as when the machine lets the virtual bus wait: all hold."""
+    told = (s for heard in node.record.diagnostics if heard.arrival > since for s in heard.message.status)
+    return any("does not answer" in status.message for status in told)
+
+
 def test_live_speech_moves_the_joints_one_look_ahead_later(graph):
     text = "Today the river is calm, and an old boat goes slowly past the houses of the town. We go along."
     said = load_voice("embedded").speak(text).samples
-    begin = speak_live(graph, said)
-    end = begin + len(said) / SAMPLE_RATE
-    time.sleep(2.0)
+    for _attempt in range(3):
+        begin = speak_live(graph, said)
+        end = begin + len(said) / SAMPLE_RATE
+        time.sleep(2.0)
+        if not holds(graph, begin):
+            break
     record = graph.record
     look_ahead = record.states[-1].message.look_ahead
-    spoken = [heard for heard in record.selected if heard.message.source == "speech"]
+    spoken = [h for h in record.selected if h.message.source == "speech" and h.arrival > begin]
     assert begin + look_ahead - 1.0 < spoken[0].stamp < begin + look_ahead + 0.6
     assert all(heard.arrival < heard.stamp for heard in spoken)
     assert record.states[-1].message.late == 0
