@@ -220,11 +220,18 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         reaching, camera = Reaching(robot, "left"), Camera(robot, page)
         wrist = reaching.wrist(angles())
         grip = wrist + [0, 0, 0.6 * HANDLE * camera.view.height]
-        page.wait_for_timeout(500)  # the arrows follow the wrist some times a second
-        page.mouse.move(*camera.pixel(grip))
-        page.mouse.down()
-        page.mouse.move(*camera.pixel(grip + RAISED), steps=5)
-        wait_until(lambda: reaching.wrist(angles())[2] > wrist[2] + RAISED[2] / 2, 20, "the wrist to rise")
+
+        def lifted():
+            """Take the arrow and drag it, until it is there to be taken."""
+            page.mouse.up()
+            page.mouse.move(*camera.pixel(grip))
+            page.wait_for_timeout(500)
+            page.mouse.down()
+            page.mouse.move(*camera.pixel(grip + RAISED), steps=5)
+            page.wait_for_timeout(2000)
+            return reaching.wrist(angles())[2] > wrist[2] + RAISED[2] / 2
+
+        wait_until(lifted, 30, "the wrist to rise")
         page.mouse.up()
         wait_until(
             lambda: np.linalg.norm(reaching.wrist(angles()) - wrist - RAISED) < 0.025, 20, "the wrist there"
