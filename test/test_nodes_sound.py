@@ -50,7 +50,7 @@ def speak_live(node, samples):
 
 
 def holds(node, since):
-    """Whether a servo has not answered since then, as when the machine lets the virtual bus wait: all hold."""
+    """Whether a servo has not answered since then, as where the virtual bus waits for its turn: all hold."""
     told = (s for heard in node.record.diagnostics if heard.arrival > since for s in heard.message.status)
     return any("does not answer" in status.message for status in told)
 
