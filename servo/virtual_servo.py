@@ -93,6 +93,7 @@ class VirtualServo(VirtualTable):
         self.temperature = ROOM
         self.power = True
         self.stuck = False
+        self._load = 0.0
         self._silence = 0.0
         self._uptime = 0.0
         self._profile = Profile(self.position)
@@ -136,20 +137,23 @@ class VirtualServo(VirtualTable):
             self._profile.begin(round(self.position), 0.0, 0.0)
             self._new_goal = False
         if powered and self.get("Operating Mode") == POSITION_MODE:
-            load = self._move(self._control(seconds), seconds)
+            self._move(self._control(seconds), seconds)
         else:
-            load = self._move(None, seconds)
+            self._move(None, seconds)
             self._profile, self._new_goal = Profile(self.position), True
-        settled = ROOM + FULL_LOAD_HEATING * load * load
+        settled = ROOM + FULL_LOAD_HEATING * self._load * self._load
         self.temperature += (settled - self.temperature) * min(seconds / HEATING_TIME, 1.0)
-        self._show(load)
 
-    def _move(self, drive: Drive | None, seconds: float) -> float:
-        """Let the motor do what it is told, if anything; returns the load as a share of the stall torque."""
-        self.position, self.velocity, load = self._joint.move(
+    def read(self, address: int, size: int) -> bytes:
+        """Some bytes of the control table, as things are now; where no register lies, they are zero."""
+        self._show()
+        return super().read(address, size)
+
+    def _move(self, drive: Drive | None, seconds: float) -> None:
+        """Let the motor do what it is told, if anything. The load is a share of the stall torque."""
+        self.position, self.velocity, self._load = self._joint.move(
             self.position, self.velocity, drive, self.stuck, seconds
         )
-        return load
 
     def _control(self, seconds: float) -> Drive:
         """Go along the profile: where the motor is to be, and how hard it tries."""
@@ -180,9 +184,10 @@ class VirtualServo(VirtualTable):
         if self.get("Hardware Error Status") & self.get("Shutdown"):
             self.set("Torque Enable", 0)
 
-    def _show(self, load: float) -> None:
+    def _show(self) -> None:
+        """Bring the registers that only tell up to date: when they are read, since time passes more often."""
         velocity_unit = self.model.series.velocity_unit * self.model.ticks_per_radian
-        self.set("Present Load", round(load * self.model.torque / self.model.effort_unit))
+        self.set("Present Load", round(self._load * self.model.torque / self.model.effort_unit))
         self.set("Present Velocity", round(self.velocity / velocity_unit))
         self.set("Present Position", round(self.position) + self.homing)
         self.set("Present Temperature", round(self.temperature))

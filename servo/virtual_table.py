@@ -89,6 +89,11 @@ class VirtualTable:
         self._add_indirect(blocks)
         self._first_indirect = min(self._pointers, default=len(self.memory))
         self._names = {item.address: name for name, item in self._table.items() if name in self._limits}
+        # Registers are looked up some thousand times a second.
+        self._places = {
+            name: (slice(item.address, item.address + item.size), self._limits.get(name, (0, 0))[0] < 0)
+            for name, item in self._table.items()
+        }
 
     @property
     def homing(self) -> int:
@@ -99,17 +104,14 @@ class VirtualTable:
 
     def get(self, name: str) -> int:
         """The value of a register."""
-        item = self._table[name]
-        smallest, _ = self._limits.get(name, (0, 0))
-        data = self.memory[item.address : item.address + item.size]
-        return int.from_bytes(data, "little", signed=smallest < 0)
+        place, signed = self._places[name]
+        return int.from_bytes(self.memory[place], "little", signed=signed)
 
     def set(self, name: str, value: int) -> None:
         """Set a register, also one that a packet may not write."""
-        item = self._table[name]
-        self.memory[item.address : item.address + item.size] = (value % (1 << 8 * item.size)).to_bytes(
-            item.size, "little"
-        )
+        place, _ = self._places[name]
+        size = place.stop - place.start
+        self.memory[place] = (value % (1 << 8 * size)).to_bytes(size, "little")
 
     def read(self, address: int, size: int) -> bytes:
         """Some bytes of the control table; where no register lies, they are zero."""

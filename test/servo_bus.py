@@ -50,6 +50,12 @@ class RecordingWire(VirtualWire):
         ]
 
 
+def shown(servo: VirtualServo, register: str) -> int:
+    """A register as a packet reads it, unsigned."""
+    item = servo.model.table[register]
+    return int.from_bytes(servo.read(item.address, item.size), "little")
+
+
 def simulated_bus(robot: Robot) -> RecordingWire:
     """A bus in simulated time, which passes in the clock of the driver that uses its port."""
     wire = RecordingWire(map(VirtualServo, servo_specs(robot)))

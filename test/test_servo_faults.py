@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from servo_bus import recorded_bus, simulated_bus
+from servo_bus import recorded_bus, shown, simulated_bus
 
 from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.base.trajectory import JointTrajectory
@@ -87,7 +87,9 @@ def test_a_blocked_joint_stops_pressing_and_is_taken_along_slowly_once_it_is_fre
     servo = wire.servos[ROBOT.servos[ELBOW].id]
     list(ticks(driver, 0.5))
     servo.stuck = True
-    pressing = [(time, abs(signed(servo.get("Present Load"), 2))) for time, _ in ticks(driver, 1.5, T0 + 0.5)]
+    pressing = [
+        (time, abs(signed(shown(servo, "Present Load"), 2))) for time, _ in ticks(driver, 1.5, T0 + 0.5)
+    ]
     assert max(load for _, load in pressing) > 300
     assert max(load for time, load in pressing if time > 0.6) < 100, "of 1000"
     assert driver.status.yielding == ("left_elbow",)

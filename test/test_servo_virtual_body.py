@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import wait_until
 from dynamixel_sdk import PortHandler, Protocol2PacketHandler
-from servo_bus import RecordingWire
+from servo_bus import RecordingWire, shown
 
 from gesture_bot.base.errors import InvalidValueError
 from gesture_bot.retarget.robot import load_robot
@@ -35,7 +35,9 @@ def let_pass(wire, seconds):
     angles, velocities = [], []
     for _ in range(round(seconds / 0.01)):
         wire.advance(0.01)
-        registers = [(s.get("Present Position"), signed(s.get("Present Velocity"), 4)) for s in servos(wire)]
+        registers = [
+            (shown(s, "Present Position"), signed(shown(s, "Present Velocity"), 4)) for s in servos(wire)
+        ]
         ticks, speeds = np.array(registers).T
         angles.append(TABLE.positions(ticks))
         velocities.append(speeds * 0.229 * 2 * np.pi / 60)
@@ -61,7 +63,7 @@ def test_an_arm_goes_to_its_goal_no_faster_than_it_may_sags_and_falls_without_to
     sag = 1.5 - angles[-1, ROLL]
     assert 0.01 < sag < 0.06, "stretched out, it hangs a little below its goal"
     servo = servos(wire)[ROLL]
-    effort = signed(servo.get("Present Current"), 2) * servo.model.effort_unit
+    effort = signed(shown(servo, "Present Current"), 2) * servo.model.effort_unit
     # Its weight, about 0.6 kg, at about half its length.
     assert 0.5 < effort < 1.5
     assert effort == pytest.approx(sag * 3.68 * servo.model.torque, rel=0.15), "by its stiffness"
@@ -72,7 +74,7 @@ def test_an_arm_goes_to_its_goal_no_faster_than_it_may_sags_and_falls_without_to
     angles, velocities = let_pass(wire, 1.5)
     assert angles[-1, ROLL] < 0.3, "it hangs down"
     assert np.abs(velocities[:, ROLL]).max() > 3.0, "it fell"
-    assert servo.get("Present Current") == 0
+    assert shown(servo, "Present Current") == 0
 
 
 def test_a_weak_servo_does_not_lift_its_arm(wire):
@@ -90,7 +92,9 @@ def test_a_joint_that_is_stuck_or_moved_by_hand_stays_where_it_is_put(wire):
     servo.stuck = True
     angles, _ = let_pass(wire, 1.0)
     assert np.ptp(angles[:, ROLL]) < 0.003 and angles[-1, ROLL] > 0.8
-    assert abs(signed(servo.get("Present Current"), 2)) * servo.model.effort_unit > 0.3 * servo.model.torque
+    assert (
+        abs(signed(shown(servo, "Present Current"), 2)) * servo.model.effort_unit > 0.3 * servo.model.torque
+    )
     servo.stuck = False
     angles, _ = let_pass(wire, 1.0)
     assert angles[-1, ROLL] == pytest.approx(0.5, abs=0.05)
