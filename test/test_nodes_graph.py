@@ -66,24 +66,6 @@ def speech_end(record):
     return last.stamp + len(last.message.samples) / last.message.sample_rate if last.message.last else None
 
 
-def test_text_moves_the_robot_inside_its_limits(graph, say):
-    say("Hello! Today the river is calm, and an old boat goes slowly past the houses of the town.")
-    wait_until(lambda: graph.record.audio and speech_end(graph.record), 20, "the sentence")
-    wait_until(lambda: graph.now() > speech_end(graph.record) + 1.0, 20, "the end of the sentence")
-    record = graph.record
-    assert [heard.message.text for heard in record.words][:2] == ["Hello", "Today"]
-    assert "hello" in [heard.message.gesture for heard in record.keywords]
-    assert {"speech", "bank", "rest"} <= {heard.message.source for heard in record.selected}
-
-    times, positions = record.joint_positions()
-    assert len(times) / (times[-1] - times[0]) >= 50
-    limits = load_robot("toa").limits
-    tick = 2 * np.pi / 4096
-    assert (positions >= limits.lower - tick).all()
-    assert (positions <= limits.upper + tick).all()
-    assert (np.ptp(positions, axis=0) > 0.3).sum() >= 4, "the arms should have moved"
-
-
 def test_emotion_changes_the_speed_and_control_the_height(graph, say):
     emotion = graph.create_publisher(Emotion, "emotion", STATE)
     control = graph.create_publisher(Control, "control", STATE)
