@@ -20,8 +20,10 @@ node = rclpy.create_node("controls")
 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 control = node.create_publisher(Control, "control", latched)
 say = node.create_publisher(String, "say", 10)
-while not (say.get_subscription_count() and control.get_subscription_count()):
+listeners = []
+while "speech_source" not in listeners or say.get_subscription_count() < len(listeners):
     time.sleep(0.1)
+    listeners = [one.node_name for one in node.get_subscriptions_info_by_topic("say")]
 say.publish(
     String(data="Now my left hand is up. Now both my hands are calm, and near. And now they are free.")
 )

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 from conftest import command, listening, running, wait_until
+from std_msgs.msg import String
 
 from gesture_bot.nodes.graph import NODES
-from gesture_bot.nodes.node import seconds
+from gesture_bot.nodes.node import PLAN, seconds
 from gesture_bot.retarget.robot import load_robot
 
 pytestmark = pytest.mark.live
@@ -40,6 +41,8 @@ def lasting():
 def graph(demo_corpus, lasting):
     # A microphone that is not there: the node has its topics, and hears nobody.
     with listening() as listener, running(command("run", "microphone:=none of all")):
+        # As one who records: it is no reason to speak before the robot listens.
+        listener.create_subscription(String, "say", lambda _: None, PLAN)
         wait_until(lambda: listener.record.joint_states and listener.record.refined, 120, "the graph to move")
         yield listener
 
