@@ -221,7 +221,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         starts = []
 
         def lifted():
-            """Take the arrow and drag it. It is not there at once, and follows the wrist some times a second."""
+            """Take the arrow and drag it. It is not there at once, and follows the wrist with some delay."""
             page.mouse.up()
             page.wait_for_timeout(1000)
             starts.append(reaching.wrist(angles()))
