@@ -7,6 +7,7 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import command, listening, running, wait_until
 from std_msgs.msg import String
@@ -79,6 +80,22 @@ def test_texts_and_voices_are_heard(seen):
     assert "my_voice" in {k.message.header.frame_id for k in record.keywords if k.message.gesture == "hello"}
     parts = {status.name for heard in record.diagnostics for status in heard.message.status}
     assert "gesture_bot: sound of my_voice" in parts
+
+
+def test_the_robot_moves_inside_its_limits(seen):
+    record, _ = seen
+    said = [heard.message.text for heard in record.words if heard.message.header.frame_id == "voice"]
+    assert said[:2] == ["Hello", "I"]
+    assert "hello" in [k.message.gesture for k in record.keywords if k.message.header.frame_id == "voice"]
+    assert {"speech", "bank", "rest"} <= {heard.message.source for heard in record.selected}
+
+    times, positions = record.joint_positions()
+    assert len(times) / (times[-1] - times[0]) >= 50
+    limits = load_robot("toa").limits
+    tick = 2 * np.pi / 4096
+    assert (positions >= limits.lower - tick).all()
+    assert (positions <= limits.upper + tick).all()
+    assert (np.ptp(positions, axis=0) > 0.3).sum() >= 4, "the arms should have moved"
 
 
 def test_a_recogniser_hears_the_word_where_it_is(seen):
