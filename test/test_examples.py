@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -54,9 +55,15 @@ def seen(graph, lasting):
     outputs = {}
     with ExitStack() as stack:
         assert lasting["own_recogniser.py"].stdout.readline() == "listens\n"
+
         # Alone, since the emotions of others change the voice.
-        outputs["talk.py"] = subprocess.check_output(program("talk.py"), text=True, timeout=60)
-        wait_until(lambda: "hello" in {w.message.text for w in graph.record.words}, 20, "the word")
+        def understood():
+            """Sound is best effort: with a piece of it, a word may be lost. Then it is said again."""
+            outputs["talk.py"] = subprocess.check_output(program("talk.py"), text=True, timeout=60)
+            time.sleep(5.0)
+            return "hello" in {w.message.text for w in graph.record.words}
+
+        wait_until(understood, 30, "the word")
         ending = {name: stack.enter_context(running(program(name))) for name in ENDING}
         for name, process in ending.items():
             outputs[name], _ = process.communicate(timeout=120)
