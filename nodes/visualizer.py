@@ -25,11 +25,8 @@ try:
 except ImportError:  # it comes with ROS 2, and is not on PyPI
     TFMessage = None
 
-PERSON = "person"
-"""Frame of the keypoints. Robots may have a link named pelvis, as GestureWindow calls it."""
-
-BESIDE = (0.0, -1.0, 0.0)
-"""Where the person stands from the robot's base [m]."""
+BESIDE = Point(x=0.0, y=-1.0, z=0.0)
+"""Where the person stands from the robot's base [m]: placed without tf, which not everybody has."""
 
 COLORS = {
     "gesture/selected": ColorRGBA(r=0.98, g=0.6, b=0.1, a=0.7),
@@ -67,9 +64,8 @@ class Visualizer(GestureNode):
         self.waits_for("somebody who looks")
 
     def fixed_transforms(self) -> list[TransformStamped]:
-        """Links that never move, and the person, who stands beside the robot."""
-        person = LinkFrame(self._frames.base, PERSON, np.array(BESIDE), np.array([0.0, 0.0, 0.0, 1.0]))
-        return [self._transform(frame, self.now()) for frame in (*self._frames.fixed(), person)]
+        """Links that never move."""
+        return [self._transform(frame, self.now()) for frame in self._frames.fixed()]
 
     def moving_transforms(self, state: JointState) -> list[TransformStamped]:
         """Links with joints, where the measured joints have them; a joint without measure is at rest."""
@@ -129,11 +125,11 @@ class Visualizer(GestureNode):
         bones = [points[end] for bone in BONES for end in bone]
         return [
             Marker(
-                header=Header(stamp=stamp(moment), frame_id=self._prefix + PERSON),
+                header=Header(stamp=stamp(moment), frame_id=self._prefix + self._frames.base),
                 ns=topic,
                 id=2 * number + kind,
                 type=(Marker.LINE_LIST, Marker.SPHERE_LIST)[kind],
-                pose=Pose(orientation=Quaternion(w=1.0)),
+                pose=Pose(position=BESIDE, orientation=Quaternion(w=1.0)),
                 scale=Vector3(x=size, y=size, z=size),
                 color=COLORS[topic],
                 lifetime=duration(0.5),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import wait_until
+from geometry_msgs.msg import Pose, Quaternion
 from moving_robot import spun
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -29,7 +30,7 @@ from gesture_bot.nodes.messages import clip_to, trajectory_from, trajectory_to
 from gesture_bot.nodes.motion_mux import MotionMux
 from gesture_bot.nodes.node import PLAN, STATE, STREAM, seconds, stamp
 from gesture_bot.nodes.player import Player
-from gesture_bot.nodes.visualizer import PERSON, Visualizer
+from gesture_bot.nodes.visualizer import BESIDE, Visualizer
 from gesture_bot.retarget.kinematics import Kinematics
 from gesture_bot.retarget.link_frames import LinkFrames
 from gesture_bot.retarget.robot import load_robot
@@ -180,7 +181,8 @@ def test_keypoints_are_drawn_while_somebody_looks(listener):
     lines, spheres = drawn[-1]
     assert (lines.type, spheres.type) == (Marker.LINE_LIST, Marker.SPHERE_LIST)
     assert {lines.ns, spheres.ns} == {"gesture/refined"}
-    assert lines.header.frame_id == PERSON
+    assert lines.header.frame_id == spheres.header.frame_id == "base_link"
+    assert lines.pose == spheres.pose == Pose(position=BESIDE, orientation=Quaternion(w=1.0))
     seen = keypoints[round(seconds(lines.header.stamp) * FRAME_RATE) - start]
     np.testing.assert_allclose([[p.x, p.y, p.z] for p in spheres.points], seen, atol=1e-6)
     ends = np.array([[p.x, p.y, p.z] for p in lines.points]).reshape(-1, 2, 3)
@@ -209,7 +211,6 @@ def test_transforms_lead_from_the_base_to_each_link(listener):
         assert frame == "robot1/base_link"
         np.testing.assert_allclose(position, kinematics.position(link), atol=1e-9)
         np.testing.assert_allclose(rotation.as_matrix(), kinematics.rotation(link), atol=1e-9)
-    assert transforms[f"robot1/{PERSON}"].header.frame_id == "robot1/base_link"
 
 
 def test_rviz_is_told_what_the_visualizer_publishes():
