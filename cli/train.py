@@ -46,6 +46,8 @@ def command(options: argparse.Namespace) -> int:
             f"interrupted in iteration {training.iteration}; the same command goes on there", file=sys.stderr
         )
         raise
+    if distributed.is_initialized():
+        distributed.destroy_process_group()
     iteration, refined = training.best
     print(f"wrote {options.output}: the network of iteration {iteration}\nfrom the real motion held out:")
     for name, value in refined.items():
