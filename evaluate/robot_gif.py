@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
+from tqdm import tqdm
 
 from gesture_bot.base.files import write_whole
 from gesture_bot.evaluate.raycast import Camera, Picture, half_extents
@@ -61,7 +62,8 @@ def write_robot_gif(
 
     samples = [np.asarray(frame(i)) for i in range(0, len(moments), len(moments) // 8 + 1)]
     palette = Image.fromarray(np.concatenate(samples)).quantize(_COLORS)
-    frames = (frame(i).quantize(palette=palette, dither=Image.Dither.NONE) for i in range(len(moments)))
+    progress = tqdm(range(len(moments)), desc="film", unit="frame", leave=False, disable=None)
+    frames = (frame(i).quantize(palette=palette, dither=Image.Dither.NONE) for i in progress)
     with write_whole(path) as temporary:
         next(frames).save(temporary, save_all=True, append_images=frames, duration=10 * delay, loop=0)
 
