@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -20,6 +22,16 @@ KEYPOINTS = small_database(recordings=2).keypoints[:50].astype(np.float64)
 class Settings(BaseModel):
     speed: float
     name: str = "toa"
+
+
+@pytest.mark.parametrize("module", ["speech.transcriber", "speech.activity", "refine.model"])
+def test_onnxruntime_tells_its_maker_nothing(tmp_path, module):
+    """It would make a number for this computer, and a queue of what it reports, when it is imported."""
+    environment = {"HOME": str(tmp_path), "PATH": os.environ["PATH"]}
+    subprocess.run(
+        [sys.executable, "-c", f"import gesture_bot.{module}, onnxruntime"], env=environment, check=True
+    )
+    assert not list(tmp_path.rglob("*onnxruntime*"))
 
 
 def test_a_file_is_written_whole_with_the_usual_permissions(tmp_path):
