@@ -14,8 +14,8 @@ from mcap.reader import NonSeekingReader, SeekingReader
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
 from gesture_bot.recording.definitions import type_hash
 
-_BROKEN = (McapError, ValueError, struct.error, zstandard.ZstdError)
-"""What reading a file raises that ends in the middle, or is no MCAP."""
+_BROKEN = (McapError, ValueError, KeyError, OverflowError, MemoryError, struct.error, zstandard.ZstdError)
+"""What reading a file raises that ends in the middle, is damaged, or is no MCAP."""
 
 _Entry = tuple[Any, Any, Any]
 """Schema, channel and message, as mcap reads them."""
@@ -106,7 +106,8 @@ class Recording:
         """The messages of some topics, of all if none is named, in the order of their arrival.
 
         Raises:
-            FileFormatError: A type of theirs is not installed, or another version of it is.
+            FileFormatError: A type of theirs is not installed, or another version of it is, or the file is
+                damaged.
         """
         for topic in topics or self.topics:
             self._check_type(topic)
@@ -116,7 +117,12 @@ class Recording:
             )
             return
         with self.path.open("rb") as file:
-            yield from map(_recorded, SeekingReader(file).iter_messages(topics or None))
+            try:
+                reader = SeekingReader(file, validate_crcs=True)
+                yield from map(_recorded, reader.iter_messages(topics or None))
+            except _BROKEN as error:
+                message = "the recording is damaged; `mcap recover` saves what it can"
+                raise FileFormatError(message, str(self.path)) from error
 
     def _open(self, file: IO[bytes]) -> None:
         try:

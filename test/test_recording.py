@@ -114,6 +114,21 @@ def test_a_recording_is_not_lost_by_mistake(tmp_path, capsys):
     assert "no MCAP" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("damage", [0x01, 0x80, 0xFF])
+def test_a_damaged_recording_is_refused(tmp_path, damage):
+    """Nothing of it is taken for what the robot did, wherever in the messages the damage is."""
+    path = write_recording(tmp_path / "a.mcap", states(EVENT))
+    whole = path.read_bytes()
+    (chunk,) = make_reader(path.open("rb")).get_summary().chunk_indexes
+    end = chunk.chunk_start_offset + chunk.chunk_length
+    for position in np.linspace(end - chunk.compressed_size, end - 1, 20, dtype=int):
+        damaged = bytearray(whole)
+        damaged[position] ^= damage
+        path.write_bytes(damaged)
+        with pytest.raises(FileFormatError, match="damaged"):
+            list(Recording(path).messages("/joint_states"))
+
+
 def test_another_version_of_a_message_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "a.mcap"
     monkeypatch.setattr("gesture_bot.recording.writer.type_hash", lambda _: "RIHS01_00")
