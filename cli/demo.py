@@ -26,7 +26,7 @@ from gesture_bot.cli.demo_files import write_demo_files
 from gesture_bot.cli.words import constraint_in_words
 from gesture_bot.corpus.demo import demo_database
 from gesture_bot.nodes.demo_director import DemoDirector
-from gesture_bot.nodes.discovery import keep_local
+from gesture_bot.nodes.discovery import DISCOVERY, keep_local, refuse_company
 from gesture_bot.nodes.graph import ARGUMENTS
 from gesture_bot.nodes.messages import clip_from
 from gesture_bot.nodes.recorder import Record
@@ -47,7 +47,8 @@ def command(options: argparse.Namespace) -> int:
         options: arguments, NAME:=VALUE of those TAKEN; output, the folder.
 
     Raises:
-        GestureBotError: The robot cannot be loaded, or the graph did not start, or ended early.
+        GestureBotError: The robot cannot be loaded, another graph is running, or this one did not start, or
+            ended early.
     """
     signal.signal(signal.SIGTERM, _end)
     console, output = Console(), options.output
@@ -57,9 +58,6 @@ def command(options: argparse.Namespace) -> int:
     robot = load_robot(str(values.get("robot", "toa")))
     demo_database()  # on first use this takes a while, and shows its progress
     keep_local()
-    console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
-    if not studio:
-        console.print("studio:=true opens a page to see and steer it, by default at http://127.0.0.1:8080/")
     output.mkdir(parents=True, exist_ok=True)
     log = output / "graph.log"
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -67,6 +65,12 @@ def command(options: argparse.Namespace) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(director)
     try:
+        time.sleep(DISCOVERY)
+        refuse_company(director)
+        console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
+        if not studio:
+            page = "http://127.0.0.1:8080/"
+            console.print(f"studio:=true opens a page to see and steer it, by default at {page}")
         with (
             running_graph(log, *(f"{name}:={value}" for name, value in values.items())) as graph,
             Live(console=console, auto_refresh=False) as live,

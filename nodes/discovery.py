@@ -1,11 +1,17 @@
-"""Who can reach the graph."""
+"""Who can reach the graph, and who else moves the robot."""
 
 import os
 
+from rclpy.node import Node
+
+from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.files import config_dir
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+DISCOVERY = 1.0
+"""So long it takes a new node to hear of others [s]."""
 
 
 def keep_local() -> None:
@@ -14,3 +20,18 @@ def keep_local() -> None:
         os.environ[RANGE] = "LOCALHOST"
         # With that alone, Fast DDS looks for nobody else, but keeps its ports open on every interface.
         os.environ.setdefault(PROFILES, str(config_dir() / "local.xml"))
+
+
+def refuse_company(node: Node, own: int = 0) -> None:
+    """Let no second graph move the robot.
+
+    Args:
+        node: Looks for others, in its own namespace.
+        own: How many of them belong to it.
+
+    Raises:
+        GestureBotError: There are more.
+    """
+    if node.count_publishers("joint_trajectory") > own:
+        message = "a graph is running already; end it, or set namespace:=. It publishes"
+        raise GestureBotError(message, node.resolve_topic_name("joint_trajectory"))

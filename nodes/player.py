@@ -11,6 +11,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.trajectory import JointTrajectory
+from gesture_bot.nodes.discovery import DISCOVERY, refuse_company
 from gesture_bot.nodes.messages import trajectory_from, trajectory_to
 from gesture_bot.nodes.node import PLAN, STREAM, GestureNode
 from gesture_bot.recording.commands import commanded_motion
@@ -26,9 +27,6 @@ PERIOD = 0.04
 
 APPROACH = 3.0
 """The robot has at least so long to come to where the recording begins [s]."""
-
-DISCOVERY = 1.0
-"""So long it takes to hear of others [s]."""
 
 LAST = 1.0
 """From the last message to the end of the graph [s]."""
@@ -48,7 +46,7 @@ class Player(GestureNode):
         robot = load_robot(self.parameter("robot", "toa", "Robot: a name in config/robots, or a YAML file"))
         self._motion = self._commands(robot.joints)
         time.sleep(DISCOVERY)
-        self._refuse_company(0)
+        refuse_company(self)
         self._gesture = self.create_publisher(JointTrajectoryMessage, "gesture/joint_trajectory", PLAN)
         self._messages = {}
         for topic, qos in (("gesture/refined", PLAN), ("speech/audio", STREAM), ("speech/cut", PLAN)):
@@ -84,16 +82,11 @@ class Player(GestureNode):
             ", ".join(joints),
         )
 
-    def _refuse_company(self, own: int) -> None:
-        if self.count_publishers("joint_trajectory") > own:
-            message = "a graph is running already; end it, or set namespace:=. It publishes"
-            raise GestureBotError(message, self.resolve_topic_name("joint_trajectory"))
-
     def _play(self) -> None:
         now = self.now()
         if not self._shift:
             try:
-                self._refuse_company(1)  # whom a busy machine had not found before
+                refuse_company(self, 1)  # whom a busy machine had not found before
             except GestureBotError:
                 self.context.try_shutdown()
                 raise

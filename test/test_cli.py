@@ -9,6 +9,7 @@ import pytest
 import soundfile
 from conftest import command
 from PIL import Image
+from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.retarget.robot import load_robot
 from gesture_bot.speech.audio import SAMPLE_RATE
@@ -55,6 +56,14 @@ def test_demo_shows_all_and_writes_its_files(demo_corpus, tmp_path):
         assert film.n_frames > 200
     with Image.open(tmp_path / "out" / "timeline.png") as timeline:
         assert timeline.width > 1000
+
+
+@pytest.mark.live
+def test_demo_refuses_company(demo_corpus, listener, tmp_path):
+    listener.create_publisher(JointTrajectory, "joint_trajectory", 1)
+    result = run("demo", "-o", str(tmp_path / "out"))
+    assert result.returncode == 1
+    assert "a graph is running already" in result.stderr
 
 
 def test_render_writes_the_same_motion_again(demo_corpus, speech, tmp_path):
