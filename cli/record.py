@@ -54,4 +54,6 @@ def command(options: argparse.Namespace) -> int:
         rclpy.try_shutdown()
     silent = f"; nothing came on {', '.join(sorted(recorder.missing))}" if recorder.missing else ""
     print(f"wrote {options.output}: {passed:.0f} s, {recorder.messages} messages{silent}")
+    if not recorder.messages and not options.topics:
+        print("nobody was heard: does `gesture-bot run` run, with the same ROS_DOMAIN_ID?")
     return 0
