@@ -21,6 +21,7 @@ from rich.live import Live
 from rich.table import Table
 
 from gesture_bot.base.errors import GestureBotError
+from gesture_bot.base.files import write_whole
 from gesture_bot.base.keypoints import INDEX
 from gesture_bot.cli.demo_files import write_demo_files
 from gesture_bot.cli.words import constraint_in_words
@@ -47,8 +48,8 @@ def command(options: argparse.Namespace) -> int:
         options: arguments, NAME:=VALUE of those TAKEN; output, the folder.
 
     Raises:
-        GestureBotError: The robot cannot be loaded, another graph is running, or this one did not start, or
-            ended early.
+        GestureBotError: The robot cannot be loaded, the folder cannot be written, another graph is running,
+            or this one did not start, or ended early.
     """
     signal.signal(signal.SIGTERM, _end)
     console, output = Console(), options.output
@@ -56,10 +57,9 @@ def command(options: argparse.Namespace) -> int:
     display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     studio = values.setdefault("studio", "true" if display else "false") == "true"
     robot = load_robot(str(values.get("robot", "toa")))
+    log = output / "graph.log"
     demo_database()  # on first use this takes a while, and shows its progress
     keep_local()
-    output.mkdir(parents=True, exist_ok=True)
-    log = output / "graph.log"
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     director = DemoDirector(robot)
     executor = SingleThreadedExecutor()
@@ -67,6 +67,8 @@ def command(options: argparse.Namespace) -> int:
     try:
         time.sleep(DISCOVERY)
         refuse_company(director)
+        with write_whole(log) as empty:  # makes the folder, too
+            empty.touch()
         console.print("Starting the graph. Its topics are open: speak, steer or take over yourself, too.")
         if not studio:
             page = "http://127.0.0.1:8080/"

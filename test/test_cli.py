@@ -105,6 +105,7 @@ def test_render_writes_bvh_and_gif(demo_corpus, speech, tmp_path):
         (["run", "database:={text}"], "speech.txt"),
         (["demo", "robot:=atlas"], "'atlas'; valid: toa"),
         (["demo", "seed:=1"], "'seed'; valid: robot"),
+        (["demo", "-o", "{text}"], "speech.txt/graph.log"),
         (["run", "voice:=bob", "text:=Hello"], "'bob'; valid: embedded"),
     ],
 )
