@@ -16,6 +16,9 @@ from gesture_bot.base.errors import FileFormatError
 
 Model = TypeVar("Model", bound=BaseModel)
 
+PLAIN = {"missing": "is required", "extra_forbidden": "there is no such key"}
+"""What pydantic says in words of its own."""
+
 
 def config_dir() -> Path:
     """The installed config/ folder: emotions.yaml, banks/, robots/."""
@@ -71,7 +74,8 @@ def read_yaml(path: Path, model: type[Model], context: dict[str, Any] | None = N
         raise FileFormatError(f"{path} is not YAML ({' '.join(str(error).split())})") from error
     except ValidationError as error:
         problems = (
-            f"{yaml_place(path, one['loc'])}: {one['msg'].removeprefix('Value error, ')}"
+            f"{yaml_place(path, one['loc'])}: "
+            + PLAIN.get(one["type"], one["msg"].removeprefix("Value error, "))
             + ("" if isinstance(one["input"], dict | list) else f" (got {one['input']!r:.80})")
             for one in error.errors()
         )

@@ -152,7 +152,10 @@ class RobotDescription(_Section):
         ids = [joint.id for joint in self.joints.values()]
         doubled = sorted({number for number in ids if ids.count(number) > 1})
         if doubled:
-            raise ValueError(f"two joints have the servo id {doubled[0]}: ids differ, also on several buses")
+            names = " and ".join(name for name, joint in self.joints.items() if joint.id == doubled[0])
+            raise ValueError(
+                f"two joints have the servo id {doubled[0]}, {names}: ids differ, also on several buses"
+            )
         return self
 
     @model_validator(mode="after")

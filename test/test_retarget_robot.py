@@ -113,7 +113,8 @@ def test_a_urdf_that_is_no_tree_is_refused(tmp_path):
         ({"bus": {"warm_degc": 70.0}}, "warm_degc 70 must be below hot_degc 68"),
         ({"bus": {"watchdog_ms": 30}}, "bus.watchdog_ms.*multiple of 20"),
         ({"mapping": {"torso": None}}, "mapping.torso"),
-        ({"joints": {"head_tilt": {"id": 31, "model": "X"}}}, "joints.head_tilt.direction"),
+        ({"joints": {"head_tilt": {"id": 31, "model": "X"}}}, "joints.head_tilt.direction: is required"),
+        ({"bus": {"on_fall": "stop"}}, "bus.on_fall: there is no such key .got 'stop'"),
     ],
 )
 def test_a_value_that_does_not_fit_is_named(tmp_path, sections, message):
@@ -123,7 +124,7 @@ def test_a_value_that_does_not_fit_is_named(tmp_path, sections, message):
 
 def test_two_servos_with_one_id_are_refused(tmp_path):
     twin = yaml.safe_load(TOA.read_text())["joints"]["head_pan"]
-    with pytest.raises(FileFormatError, match="servo id 31"):
+    with pytest.raises(FileFormatError, match="servo id 31, head_pan and head_tilt"):
         load_robot(changed(tmp_path, joints={"head_tilt": twin}))
 
 
