@@ -1,8 +1,9 @@
 """What the `gesture-bot` command tells people about itself."""
 
 import argparse
+import sys
 import textwrap
-from typing import Any
+from typing import Any, NoReturn
 
 GUIDE = """\
 gesture-bot makes a social robot gesture while it speaks.
@@ -42,6 +43,11 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*arguments, **options)
         if examples:
             self.epilog = f"{self.epilog or ''}examples:\n" + textwrap.indent(examples, "  ")
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command line, and where to read on; the exit status is 2."""
+        self.print_usage(sys.stderr)
+        self.exit(2, f"{self.prog}: error: {message}\nTry: {self.prog} --help\n")
 
 
 class Help(argparse.HelpFormatter):

@@ -305,8 +305,10 @@ def command_line() -> argparse.ArgumentParser:
     completion = commands.add_parser(
         "completion",
         help="print what lets a shell complete commands, arguments and their values",
-        description="Print the completion for a shell, by argcomplete.",
+        description="Print the completion for a shell, by argcomplete. An example's line in ~/.bashrc or "
+        "~/.zshrc (there behind compinit) is for every new shell; fish reads the file by itself.",
         examples='eval "$(gesture-bot completion bash)"\n'
+        'eval "$(gesture-bot completion zsh)"\n'
         "gesture-bot completion fish > ~/.config/fish/completions/gesture-bot.fish",
     )
     completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="shell")
@@ -337,7 +339,7 @@ def _add_recordings(commands: "argparse._SubParsersAction[Parser]") -> None:
     )
     replay.add_argument("recording", type=Path, metavar="FILE.mcap", help="recording")
     replay.add_argument(
-        "arguments", nargs="*", metavar="NAME:=VALUE",
+        "arguments", nargs="*", default=[], metavar="NAME:=VALUE",
         help="robot, port, loudspeaker, namespace, parameters, as of `run`",
     )  # fmt: skip
     replay.set_defaults(module="replay")

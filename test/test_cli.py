@@ -134,3 +134,10 @@ def test_help_says_what_to_type_next():
     result = run()
     assert result.returncode == 0
     assert "gesture-bot demo" in result.stdout
+
+
+@pytest.mark.parametrize(("arguments", "named"), [(["servos"], "WHAT"), (["replay"], "FILE.mcap")])
+def test_a_command_line_that_lacks_something_says_where_to_read_on(arguments, named):
+    result = run(*arguments)
+    assert result.returncode == 2
+    assert result.stderr.endswith(f"required: {named}\nTry: gesture-bot {arguments[0]} --help\n")
