@@ -12,7 +12,10 @@ from gesture_bot.nodes.start import parse_arguments
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-ROOMS = ("base", "cli", "nodes", "speech", "corpus", "matching", "refine", "retarget", "servo", "evaluate")
+ROOMS = (
+    "base", "cli", "nodes", "speech", "corpus", "matching", "refine", "retarget", "servo", "evaluate",
+    "studio",
+)  # fmt: skip
 PARSER = command_line()
 
 
