@@ -305,11 +305,11 @@ def command_line() -> argparse.ArgumentParser:
     completion = commands.add_parser(
         "completion",
         help="print what lets a shell complete commands, arguments and their values",
-        description="Print the completion for a shell, by argcomplete. An example's line in ~/.bashrc or "
-        "~/.zshrc (there behind compinit) is for every new shell; fish reads the file by itself.",
+        description="Print the completion for a shell, by argcomplete. A line of the examples in ~/.bashrc, "
+        "~/.zshrc (behind compinit) or ~/.config/fish/config.fish is for every new shell.",
         examples='eval "$(gesture-bot completion bash)"\n'
         'eval "$(gesture-bot completion zsh)"\n'
-        "gesture-bot completion fish > ~/.config/fish/completions/gesture-bot.fish",
+        "gesture-bot completion fish | source",
     )
     completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="shell")
     completion.set_defaults(module="completion")

@@ -136,6 +136,12 @@ def test_help_says_what_to_type_next():
     assert "gesture-bot demo" in result.stdout
 
 
+def test_an_option_of_run_is_told_to_be_an_argument():
+    result = run("run", "--emotion", "happy")
+    assert result.returncode == 2
+    assert "--emotion; those of run, demo and replay are written NAME:=VALUE" in result.stderr
+
+
 @pytest.mark.parametrize(("arguments", "named"), [(["servos"], "WHAT"), (["replay"], "FILE.mcap")])
 def test_a_command_line_that_lacks_something_says_where_to_read_on(arguments, named):
     result = run(*arguments)
