@@ -18,6 +18,7 @@ from gesture_bot.servo import mux
 from gesture_bot.servo.arbitration import Lock, Source, load_arbitration
 
 STOPPED = "stopped until `reset`"
+COMPANY = "another program publishes joint_trajectory, and moves the robot, too: does a second graph run?"
 
 
 class MotionMux(GestureNode):
@@ -92,7 +93,10 @@ class MotionMux(GestureNode):
         self.get_logger().info(outcome)
 
     def _report(self) -> None:
-        held = [STOPPED] if self._mux.stopped else []
+        held = [COMPANY] if self.count_publishers("joint_trajectory") > 1 else []
+        if held:
+            self.get_logger().warning(COMPANY, throttle_duration_sec=10.0)
+        held += [STOPPED] if self._mux.stopped else []
         held += [f"locked by {lock.name} ({lock.topic})" for lock in self._mux.locks(self.now())]
         owners: dict[str, Any] = dict(self._mux.owners)
         self.diagnose(diagnostic("motion mux", held + self.errors(), "open", **owners))

@@ -67,7 +67,7 @@ class ServoDriver(ManagedNode):
         self._driver = Driver(robot, port, rate)
         self._period = 1.0 / rate
         self._recent: deque[Feedback] = deque(maxlen=round(LOOKED_AT * rate))
-        self._trouble = ""
+        self._trouble, self._faults = "", list[str]()
         self._stopping = threading.Event()
         self._loop: threading.Thread | None = None
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, PLAN)
@@ -197,8 +197,10 @@ class ServoDriver(ManagedNode):
             return
         status = self._driver.status
         held = status.interventions
+        faults = [f"{joint} {reason}" for joint, reason in status.out.items()]
+        self._log(faults)
         troubles = [self._trouble] if self._trouble else []
-        troubles += [f"{joint} {reason}" for joint, reason in status.out.items()]
+        troubles += faults
         level = DiagnosticStatus.ERROR if troubles else DiagnosticStatus.WARN
         troubles += [f"{joint} is blocked, and yields" for joint in status.yielding]
         troubles += [f"{joint} is held, or the robot would touch itself" for joint in status.kept_off]
@@ -237,6 +239,15 @@ class ServoDriver(ManagedNode):
             for joint, health in list(status.health.items())
         ]
         self.diagnose(bus, *servos)
+
+    def _log(self, faults: list[str]) -> None:
+        """Tell each fault of a servo once in the log, too, and that all are over."""
+        for fault in faults:
+            if fault not in self._faults:
+                self.get_logger().error(fault)
+        if self._faults and not faults:
+            self.get_logger().info("all servos are in service again")
+        self._faults = faults
 
     def _standing(self) -> list[str]:
         """Why the robot as a whole does not move, if so."""

@@ -193,6 +193,21 @@ def test_the_parameter_service_makes_and_ends_faults_of_the_virtual_bus(listener
         wait_until(lambda: "head_pan does not answer" not in told(), 10, "its end")
 
 
+def test_a_second_program_that_moves_the_robot_is_told_until_it_ends(both):
+    def told():
+        heard = [one for diagnostics in both.record.diagnostics for one in diagnostics.message.status]
+        return next((one.message for one in reversed(heard) if one.name.endswith("motion mux")), "")
+
+    wait_until(lambda: told() == "open", 10, "that all is well")
+    second = both.create_publisher(JointTrajectoryMessage, "joint_trajectory", PLAN)
+    wait_until(lambda: "another program publishes joint_trajectory" in told(), 10, "the warning")
+    both.destroy_publisher(second)
+    try:
+        wait_until(lambda: told() == "open", 20, "its end" )
+    except AssertionError:
+        raise AssertionError((told(), both.count_publishers("joint_trajectory"), both.get_publishers_info_by_topic("joint_trajectory"), [(h.arrival, [s.message for s in h.message.status if s.name.endswith("mux")]) for h in list(both.record.diagnostics)[-30:]]))
+
+
 def test_joint_trajectory_controller_takes_what_the_mux_publishes(both):
     heard = []
     both.create_subscription(
