@@ -18,6 +18,8 @@ RATE = 100.0  # bus cycles a second [Hz]
 SWING, PERIOD = 0.2, 3.0  # how far it goes, toward the middle of its range [rad], and how long that takes [s]
 
 robot, joint, *ports = load_robot(sys.argv[1]), *sys.argv[2:]
+if joint not in robot.joints:
+    sys.exit(f"{robot.name} has no joint {joint}; it has {', '.join(robot.joints)}")
 column = robot.joints.index(joint)
 middle = (robot.limits.lower[column] + robot.limits.upper[column]) / 2
 with VirtualBus(robot) if not ports else nullcontext() as bus:
