@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import math
+import shlex
 from collections.abc import Sequence
 
 from rich.live import Live
@@ -41,8 +42,9 @@ def command(options: argparse.Namespace) -> int:
         done = _guide(bus, robot, servos, now)
     print(f"{done} of {len(servos)} joints calibrated")
     if done:
-        print(f"next: gesture-bot servos check {options.robot}")
-        print(f"back: gesture-bot servos calibrate {options.robot} --undo")
+        same = options.robot + (f" --port {shlex.quote(options.port)}" if options.port else "")
+        print(f"next: gesture-bot servos check {same}")
+        print(f"back: gesture-bot servos calibrate {same} --undo")
     return 0
 
 

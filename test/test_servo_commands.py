@@ -208,7 +208,7 @@ def test_calibration_that_is_interrupted_says_what_is_done(typed, monkeypatch, c
         wire.servos[31].position, wire.servos[32].position = 2048, 2048
         assert servos("calibrate", "toa", "head_pan", "head_tilt", "--port", wire.port) == 0
     told = capsys.readouterr().out
-    assert "1 of 2 joints calibrated" in told and "--undo" in told
+    assert "1 of 2 joints calibrated" in told and f"calibrate toa --port {wire.port} --undo" in told
 
 
 def test_a_calibrated_joint_goes_where_it_is_sent():
