@@ -109,18 +109,20 @@ class _Skeleton:
         torso, arms = self._arms()
         left, right = self._left_and_right(*arms)
         rotation = self.data.xmat[torso].reshape(3, 3)
-        sideways = self._anchor(left.joints[0]) - self._anchor(right.joints[0])
+        sideways = self._apart(left, right)
         sideways[2] = 0
         up = np.array([0.0, 0.0, 1.0])
         forward = np.cross(sideways / np.linalg.norm(sideways), up)
         head = self._head(torso, arms)
+        # Where the arms are measured a little differently, the one with the longer forearm speaks for both.
+        parts = max(map(self._parts, (left, right)), key=lambda parts: self._forearm(left, *parts[1:]))
         return Body(
             torso=self._link(torso),
             forward=_tidy(forward @ rotation),
             up=_tidy(up @ rotation),
             waist=self._names(self._above(torso)),
-            left=self._arm(left),
-            right=self._arm(right),
+            left=self._arm(left, *parts),
+            right=self._arm(right, *parts),
             head=self._link(torso if head is None else head.end),
             neck=() if head is None else self._names(head.joints),
         )
@@ -170,8 +172,17 @@ class _Skeleton:
         return bool(
             np.abs(lengths[0] - lengths[1]).max() < tolerance
             and abs(starts[0][2] - starts[1][2]) < tolerance
-            and np.linalg.norm(starts[0] - starts[1]) > tolerance
+            and np.linalg.norm(self._apart(one, other)) > tolerance
         )
+
+    def _apart(self, one: Chain, other: Chain) -> np.ndarray:
+        """(3,) from the other chain to one, where both begin, or else where they are first apart [m].
+
+        Joints that lift the shoulders may begin in one place.
+        """
+        gaps = [self._anchor(a) - self._anchor(b) for a, b in zip(one.joints, other.joints, strict=True)]
+        near = ALIKE * self._lengths(one).sum()
+        return next((gap for gap in gaps if np.linalg.norm(gap) > near), gaps[-1])
 
     def _lengths(self, chain: Chain) -> np.ndarray:
         """Distances from joint to joint [m]."""
@@ -187,8 +198,7 @@ class _Skeleton:
                     return one, other
                 case "rl":
                     return other, one
-        y = self._anchor(one.joints[0])[1], self._anchor(other.joints[0])[1]
-        return (one, other) if y[0] > y[1] else (other, one)
+        return (one, other) if self._apart(one, other)[1] > 0 else (other, one)
 
     def _head(self, torso: int, arms: tuple[Chain, Chain]) -> Chain | None:
         taken = {chain.joints[0] for chain in arms}
@@ -209,8 +219,8 @@ class _Skeleton:
             body = self.model.body_parentid[body]
         return joints
 
-    def _arm(self, chain: Chain) -> ArmLinks:
-        """Which of a chain's links are shoulder, elbow and wrist.
+    def _parts(self, chain: Chain) -> tuple[int, int, int | None]:
+        """Which of a chain's joints are shoulder, elbow and wrist; None where no joint is at the wrist.
 
         The elbow is the joint that has a long way on both sides: the shorter of its distance to the farthest
         axis before it and of the tip's distance to its own axis is the longest. The shoulder is the last
@@ -237,10 +247,19 @@ class _Skeleton:
         ]
         bending = [joint for joint in away if self._bends(joints[joint], anchors[joint] - anchors[elbow])]
         wrist = bending[0] if bending else away[-1] if away else None
+        return shoulder, elbow, wrist
+
+    def _forearm(self, chain: Chain, elbow: int, wrist: int | None) -> float:
+        """Length of a forearm [m]."""
+        end = self._tip(chain) if wrist is None else self._anchor(chain.joints[wrist])
+        return float(np.linalg.norm(end - self._anchor(chain.joints[elbow])))
+
+    def _arm(self, chain: Chain, shoulder: int, elbow: int, wrist: int | None) -> ArmLinks:
+        joints = chain.joints
         link = chain.end if wrist is None else int(self.model.jnt_bodyid[joints[wrist]])
         at = None
         if wrist is None:
-            at = (tip - self.data.xpos[link]) @ self.data.xmat[link].reshape(3, 3)
+            at = (self._tip(chain) - self.data.xpos[link]) @ self.data.xmat[link].reshape(3, 3)
         return ArmLinks(
             shoulder=self._link(int(self.model.jnt_bodyid[joints[shoulder]])),
             elbow=self._link(int(self.model.jnt_bodyid[joints[elbow]])),

@@ -110,7 +110,7 @@ def _joints(urdf: str, body: Body) -> dict[str, Joint]:
             if velocity > FASTEST:
                 narrowed |= {"velocity": FASTEST}
             # Servos turn as far either way; a joint with a range all on one side needs their middle there.
-            offset = 0.0 if max(-lower, upper) < np.pi else round(-(lower + upper) / 2, 3)
+            offset = 0.0 if max(-lower, upper) <= TURN else round(-(lower + upper) / 2, 3)
             rows[name] = Joint(
                 id=10 * tens + number,
                 model=SERVO,

@@ -27,6 +27,8 @@ def read_urdf(path: Path) -> str:
         _check_names(path, kind, root.findall(kind))
     for joint in root.findall("joint"):
         _check_limit(path, joint)
+    for element in (*root.findall("link"), *root.findall("joint")):
+        _check_origins(path, element)
     return text
 
 
@@ -70,3 +72,16 @@ def _check_limit(path: Path, joint: ElementTree.Element) -> None:
             float(value)
         except ValueError as error:
             raise RobotError(f"{path}: {key} of {joint.get('name')} is not a number", value) from error
+
+
+def _check_origins(path: Path, element: ElementTree.Element) -> None:
+    for origin in element.iter("origin"):
+        for key in ("xyz", "rpy"):
+            value = origin.get(key, "0 0 0")
+            try:
+                numbers = [float(word) for word in value.split()]
+            except ValueError:
+                numbers = []
+            if len(numbers) != 3:
+                name = f"the {element.tag} {element.get('name')}"
+                raise RobotError(f"{path}: {key} of an origin in {name} is not three numbers", value)

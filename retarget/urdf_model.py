@@ -68,6 +68,8 @@ def urdf_spec(name: str, urdf: str) -> mujoco.MjSpec:
     bare = []
     for link in root.findall("link"):
         shapes = link.findall("visual") + link.findall("collision")
+        for shape in filter(_without_size, shapes):
+            link.remove(shape)
         meshes = [shape for shape in shapes if shape.find("geometry/mesh") is not None]
         for mesh in meshes:
             link.remove(mesh)
@@ -87,6 +89,14 @@ def urdf_spec(name: str, urdf: str) -> mujoco.MjSpec:
         raise RobotError(
             f"MuJoCo cannot make a model of the URDF of {name} ({' '.join(str(error).split())})"
         ) from error
+
+
+def _without_size(shape: ElementTree.Element) -> bool:
+    """Whether a visual or collision element is nothing to see, such as a sphere of radius 0."""
+    sizes = [
+        form.get(key, "") for form in shape.iterfind("geometry/*") for key in ("radius", "length", "size")
+    ]
+    return any(not size.strip("0.") for words in sizes for size in words.split())
 
 
 def _onward(root: ElementTree.Element) -> dict[str, np.ndarray]:

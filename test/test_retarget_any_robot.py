@@ -204,6 +204,18 @@ def test_a_joint_without_end_is_given_one_turn(tmp_path):
     assert not list(table_problems(robot))
 
 
+@pytest.mark.parametrize("upper", [3.1, 3.141, 4.7])
+def test_a_joint_that_turns_one_way_only_has_its_servos_middle_there(tmp_path, upper):
+    def one_way(urdf):
+        head, tail = urdf.split('<joint name="left_wrist"')
+        limit = f'<limit lower="0" upper="{upper}" velocity="5"/>'
+        return f'{head}<joint name="left_wrist"' + re.sub("<limit .*?/>", limit, tail, count=1)
+
+    robot = toa_with(tmp_path, one_way)
+    assert robot.limits.upper[robot.joints.index("left_wrist")] == upper
+    assert not list(table_problems(robot))
+
+
 @pytest.mark.parametrize(
     ("limit", "text"),
     [
@@ -227,6 +239,37 @@ def test_what_the_urdf_does_not_say_of_a_joint_is_told(tmp_path, limit, text):
     assert np.isfinite(robot.limits.velocity).all()
 
 
+def test_arms_that_are_measured_a_little_differently_have_the_same_parts():
+    urdf = read_urdf(urdf_of("jvrc"))
+    for side, aside in (("L", 0.063), ("R", -0.058)):  # 46 and 44 degrees off the forearm: bends, and rolls
+        for name, place in (("ELBOW_Y", f"0 {aside} -0.06"), ("WRIST_R", f"0 {-aside} -0.18")):
+            joint = f'<joint name="{side}_{name}"'
+            before, after = urdf.split(joint)
+            urdf = before + joint + re.sub('xyz=".*?"', f'xyz="{place}"', after, count=1)
+    body = find_body("jvrc", urdf)
+    assert (body.left.wrist, body.right.wrist) == ("L_WRIST_R_S", "R_WRIST_R_S")
+
+
+def test_arms_whose_first_joints_are_in_one_place_are_found(tmp_path):
+    def from_the_middle(text):
+        for side, y in (("left", 0.125), ("right", -0.125)):
+            for name, before, after in (("pitch", f"0 {y} 0.17", "0 0 0.17"), ("roll", "0 0 0", f"0 {y} 0")):
+                head, tail = text.split(f'<joint name="{side}_shoulder_{name}"')
+                tail = tail.replace(f'xyz="{before}"', f'xyz="{after}"', 1)
+                text = f'{head}<joint name="{side}_shoulder_{name}"{tail}'
+        return text
+
+    mapping = toa_with(tmp_path, from_the_middle).mapping
+    assert (mapping.torso, mapping.left_arm.elbow) == ("torso", "left_forearm")
+    np.testing.assert_allclose(mapping.torso_axes()[:, 0], [1, 0, 0], atol=1e-9)
+
+
+def test_a_shape_of_no_size_is_left_out(tmp_path):
+    nothing = '<visual><geometry><sphere radius="0.00"/></geometry></visual></link>'
+    robot = toa_with(tmp_path, lambda text: text.replace("</link>", nothing))
+    assert robot.mapping.left_arm.elbow == "left_forearm"
+
+
 def test_a_robot_without_arms_is_told_what_it_has():
     with pytest.raises(RobotError, match="no two chains.*its chains end in.*left_hand"):
         find_body(
@@ -242,6 +285,10 @@ def test_a_robot_without_arms_is_told_what_it_has():
         (("link name='left_hand'", "link name='right_hand'"), "two links are called: 'right_hand'"),
         (("joint name='head_tilt'", "joint"), "a joint has no name, the one after: 'head_pan'"),
         (("lower='-0.6'", "lower='-pi/4'"), "lower of head_tilt is not a number: '-pi/4'"),
+        (
+            ("origin xyz='0 ", "origin xyz='0, "),
+            "xyz of an origin in the link base_link is not three numbers: '0, 0",
+        ),
         (("<robot ", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro' "), None),
         (("</robot>", "<xacro:arm xmlns:xacro='http://ros.org/wiki/xacro'/></robot>"), "run xacro first"),
     ],
