@@ -40,6 +40,9 @@ TAKEN = ("robot", "studio", "studio_address")
 REFRESH = 0.1
 """Time between two pictures of the live table [s]."""
 
+BUSY = 5.0
+"""More missed deadlines than so many a second can be seen; there are some 100 a second [1/s]."""
+
 
 def command(options: argparse.Namespace) -> int:
     """`gesture-bot demo`: run the demo and write its files into a folder; the exit status.
@@ -97,6 +100,8 @@ def command(options: argparse.Namespace) -> int:
     for name, value in summary.items():
         results.add_row(name, _in_words(value))
     console.print(results)
+    if summary["deadline_misses"] > BUSY * summary["duration_s"]:
+        console.print("This machine was busy: much came late, and the robot can move better than this.")
     console.print(
         f"Look at {output}/gesture.gif and {output}/timeline.png, and listen to {output}/speech.wav."
     )

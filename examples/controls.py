@@ -20,6 +20,7 @@ node = rclpy.create_node("controls")
 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 control = node.create_publisher(Control, "control", latched)
 say = node.create_publisher(String, "say", 10)
+node.get_logger().info("waiting for the robot: gesture-bot run")
 listeners = []
 while "speech_source" not in listeners or say.get_subscription_count() < len(listeners):
     time.sleep(0.1)

@@ -20,6 +20,7 @@ latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 emotion = node.create_publisher(Emotion, "emotion", latched)
 # The action `speak` is the topic `say` with answers.
 speak = ActionClient(node, Speak, "speak")
+node.get_logger().info("waiting for the robot: gesture-bot run")
 speak.wait_for_server()
 
 

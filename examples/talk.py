@@ -9,6 +9,7 @@ from std_msgs.msg import String
 rclpy.init()
 node = rclpy.create_node("talk")
 say = node.create_publisher(String, "say", 10)
+node.get_logger().info("waiting for the robot: gesture-bot run")
 listeners = []
 # Until the robot listens, and not only somebody who records what is said, a message would be lost.
 while "speech_source" not in listeners or say.get_subscription_count() < len(listeners):
