@@ -13,6 +13,7 @@ from gesture_bot.base.files import read_yaml
 from gesture_bot.nodes.graph import ARGUMENTS, NODES
 
 ANY = ("*", "**")
+_KINDS = {bool: "true or false", int: "a whole number"}
 
 
 def _known_node(key: str) -> str:
@@ -49,18 +50,25 @@ def check_file(path: Path) -> None:
 
 
 def check_parameters(node: Node, files: Sequence[str]) -> None:
-    """Look whether a node has each parameter that a file sets for it by its name.
+    """Look whether a node has each parameter that a file sets for it by its name, and has taken the value.
+
+    Where an earlier file has the same parameter as true or false, or as a whole number, rcl passes over a
+    value of another type.
 
     Raises:
-        InvalidValueError: It has not; lists its parameters.
+        InvalidValueError: It has not; lists its parameters. Or the value is of another type.
     """
     for file in files:
         for key, entry in (yaml.safe_load(Path(file).read_text()) or {}).items():
             if _name(key) == node.get_name():
-                for name in entry.get("ros__parameters", {}):
+                for name, value in entry.get("ros__parameters", {}).items():
                     if not node.has_parameter(name):
                         valid = sorted(node.list_parameters([], 0).names)
                         raise InvalidValueError(f"{file}: {node.get_name()} has no parameter", name, valid)
+                    what = _KINDS.get(type(taken := node.get_parameter(name).value))
+                    if what and type(value) is not type(taken):
+                        told = f"{file}: parameter {name} of {node.get_name()} takes {what}"
+                        raise InvalidValueError(told, value)
 
 
 def _name(key: str) -> str:

@@ -30,15 +30,17 @@ def test_a_file_that_sets_no_parameters_is_told_before_anything_starts(tmp_path,
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("node", "text", "told"),
     [
-        ("leed: 1.0", "my.yaml: speech_source has no parameter: 'leed'; valid: .*lead"),
-        ("start_delay: 99.0", "parameter start_delay of speech_source"),
-        ("lead: [1.0, two]", "my.yaml"),
+        ("speech_source", "leed: 1.0", "my.yaml: speech_source has no parameter: 'leed'; valid: .*lead"),
+        ("speech_source", "start_delay: 99.0", "parameter start_delay of speech_source"),
+        ("speech_source", "lead: [1.0, two]", "my.yaml"),
+        ("gesture_selector", "align_beats: 1", "align_beats of gesture_selector takes true or false: 1"),
+        ("gesture_selector", "k: 5.0", "parameter k of gesture_selector takes a whole number: 5.0"),
     ],
 )
-def test_a_parameter_that_is_none_or_does_not_fit_ends_the_start(tmp_path, text, told):
-    (tmp_path / "my.yaml").write_text(f"/**/speech_source: {{ros__parameters: {{{text}}}}}")
+def test_a_parameter_that_is_none_or_does_not_fit_ends_the_start(tmp_path, node, text, told):
+    (tmp_path / "my.yaml").write_text(f"/**/{node}: {{ros__parameters: {{{text}}}}}")
     with running(command("run", f"parameters:={tmp_path / 'my.yaml'}")) as process:
         output, _ = process.communicate(timeout=60)
     assert process.returncode == 1
