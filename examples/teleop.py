@@ -23,6 +23,8 @@ node.create_subscription(
 )
 while joint not in measured or not teleop.get_subscription_count():
     rclpy.spin_once(node, timeout_sec=0.1)
+    if measured and joint not in measured:
+        sys.exit(f"no such joint: {joint}; valid: {', '.join(measured)}")
 
 # Whoever publishes owns the joints that it names; the others go on gesturing. The driver keeps limits, speeds
 # and distances, whatever is asked for. After half a second of silence the joint is given back.
