@@ -17,7 +17,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers, uninstall_signal_handlers
 
 from gesture_bot.base.errors import GestureBotError, InvalidValueError
 from gesture_bot.base.files import config_dir
@@ -174,8 +174,11 @@ def _work(nodes: Sequence[Node]) -> None:
     for node in nodes:
         executor.add_node(node)
     install_signal_handlers()  # they wake an executor that waits, and pass the signal on
-    with until_shutdown(rclpy.get_default_context()):
-        executor.spin()
+    try:
+        with until_shutdown(rclpy.get_default_context()):
+            executor.spin()
+    finally:
+        uninstall_signal_handlers()  # their thread may still be at the executors, which end now
 
 
 def run_nodes(arguments: Sequence[str], nodes: Sequence[GraphNode], **values: str) -> int:
