@@ -18,10 +18,13 @@ COLUMNS = 25
 LOUD = 0.25
 """Amplitude that fills the row."""
 
-ROWS = {"sound": (0, 44), "words": (46, 32), "windows": (80, 24), "emotion": (104, 24), "control": (128, 24)}
+ROWS = {"sound": (0, 44), "words": (46, 45), "windows": (93, 24), "emotion": (117, 24), "control": (141, 24)}
 """Top and height of each row [pixels]."""
 
-HEIGHT = 168
+HEIGHT = 181
+
+LINES = 3
+"""Of words, which take turns, so that they do not cover each other."""
 
 COLORS = {
     "speech": "#9dc3e6",
@@ -48,8 +51,8 @@ class Strip:
 
     def __init__(self) -> None:
         self._sound: dict[int, float] = {}
-        self._words: deque[tuple[float, float, str, bool]] = deque(maxlen=200)
-        self._lower = False
+        self._words: deque[tuple[float, float, str, int]] = deque(maxlen=200)
+        self._line = 0
         self._keywords: deque[tuple[float, float]] = deque(maxlen=50)
         self._beats: deque[float] = deque(maxlen=200)
         self._bars: dict[str, deque[_Bar]] = {
@@ -69,8 +72,8 @@ class Strip:
     def add_word(self, source: str, utterance: int, start: float, duration: float, text: str) -> None:
         """Take in a word."""
         if not self._cuts.void(source, utterance, start):
-            self._lower = not self._lower  # two lines, so that short words do not cover each other
-            self._words.append((start, start + duration, text, self._lower))
+            self._line = (self._line + 1) % LINES
+            self._words.append((start, start + duration, text, self._line))
 
     def add_keyword(self, start: float, duration: float) -> None:
         """Take in a keyword; its words are drawn bold."""
@@ -149,14 +152,19 @@ class Strip:
         )
 
     def _word_parts(self, begin: float) -> list[str]:
+        """Each word has room until the next one of its line begins."""
         top, height = ROWS["words"]
-        parts = []
-        for start, end, text, lower in self._words:
-            x = _percent(start, begin)
-            if -10 <= x <= 100:
+        parts, ends = [], [begin + PAST + AHEAD] * LINES
+        for start, end, text, line in sorted(self._words, reverse=True):
+            left, right = _percent(start, begin), _percent(ends[line], begin)
+            ends[line] = start
+            if right > max(left, 0.0):
                 key = any(start < last and first < end for first, last in self._keywords)
-                y = top + (height - 3 if lower else height // 2 - 4)
-                parts.append(f'<text x="{x:.2f}%" y="{y}" class="word{" key" * key}">{escape(text)}</text>')
+                parts.append(
+                    f'<svg x="{left:.2f}%" y="{top + line * height // LINES}" width="{right - left:.2f}%" '
+                    f'height="{height // LINES}" style="overflow:hidden">'
+                    f'<text y="11" class="word{" key" * key}">{escape(text)}</text></svg>'
+                )
         return parts
 
 
