@@ -11,6 +11,9 @@ INSTALLED := base cli nodes speech corpus matching refine retarget servo evaluat
 SOURCES := CMakeLists.txt pyproject.toml package.xml README.md LICENSE \
            $(shell find $(INSTALLED) -type f -not -name '*.pyc')
 
+# The benches load onnxruntime, which reports what it runs on otherwise (docs/security.md).
+export ORT_DISABLE_TELEMETRY = 1
+
 .PHONY: demo test lint format soak clean
 .DELETE_ON_ERROR:
 

@@ -16,8 +16,8 @@ from gesture_bot.base.errors import FileFormatError
 
 Model = TypeVar("Model", bound=BaseModel)
 
-PLAIN = {"missing": "is required", "extra_forbidden": "there is no such key"}
-"""What pydantic says in words of its own."""
+_PLAIN = {"missing": "is required", "extra_forbidden": "there is no such key"}
+"""What stands for pydantic's words, by its type of error."""
 
 
 def config_dir() -> Path:
@@ -75,7 +75,7 @@ def read_yaml(path: Path, model: type[Model], context: dict[str, Any] | None = N
     except ValidationError as error:
         problems = (
             f"{yaml_place(path, one['loc'])}: "
-            + PLAIN.get(one["type"], one["msg"].removeprefix("Value error, "))
+            + _PLAIN.get(one["type"], one["msg"].removeprefix("Value error, "))
             + ("" if isinstance(one["input"], dict | list) else f" (got {one['input']!r:.80})")
             for one in error.errors()
         )

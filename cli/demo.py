@@ -41,7 +41,7 @@ REFRESH = 0.1
 """Time between two pictures of the live table [s]."""
 
 BUSY = 5.0
-"""More missed deadlines than so many a second can be seen; there are some 100 a second [1/s]."""
+"""From so many missed deadlines on, of some 100, the motion suffers [1/s]."""
 
 
 def command(options: argparse.Namespace) -> int:

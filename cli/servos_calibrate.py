@@ -42,7 +42,7 @@ def command(options: argparse.Namespace) -> int:
         done = _guide(bus, robot, servos, now)
     print(f"{done} of {len(servos)} joints calibrated")
     if done:
-        same = options.robot + (f" --port {shlex.quote(options.port)}" if options.port else "")
+        same = shlex.join([options.robot, *(["--port", options.port] if options.port else [])])
         print(f"next: gesture-bot servos check {same}")
         print(f"back: gesture-bot servos calibrate {same} --undo")
     return 0

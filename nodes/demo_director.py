@@ -13,6 +13,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.trajectory import JointTrajectory
 from gesture_bot.msg import Constraint, Control, Emotion
+from gesture_bot.nodes.discovery import refuse_company
 from gesture_bot.nodes.messages import trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE
 from gesture_bot.nodes.recorder import Recorder
@@ -61,9 +62,10 @@ class DemoDirector(Recorder):
         """The script, a step at a time: yields while it waits.
 
         Raises:
-            GestureBotError: The graph did not start within 30 s.
+            GestureBotError: The graph did not start within 30 s, or another one is running.
         """
         yield from self._until(self._graph_stands, 30.0)
+        refuse_company(self, 1)  # whom a busy machine had not found before
         for line, (emotion, left_high, text) in enumerate(SCRIPT):
             self._emotion.publish(Emotion(expression=emotion))
             high = Constraint(quantity=Constraint.WRIST_HEIGHT, hand=Constraint.LEFT, value=85.0)

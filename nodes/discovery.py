@@ -1,11 +1,13 @@
 """Who can reach the graph, and who else moves the robot."""
 
 import os
-
-from rclpy.node import Node
+from typing import TYPE_CHECKING
 
 from gesture_bot.base.errors import GestureBotError
 from gesture_bot.base.files import config_dir
+
+if TYPE_CHECKING:  # `gesture-bot doctor` runs where there is no rclpy
+    from rclpy.node import Node
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -22,7 +24,12 @@ def keep_local() -> None:
         os.environ.setdefault(PROFILES, str(config_dir() / "local.xml"))
 
 
-def refuse_company(node: Node, own: int = 0) -> None:
+def movers(node: "Node") -> int:
+    """How many programs publish what moves the robot, in a node's namespace."""
+    return node.count_publishers(node.resolve_topic_name("joint_trajectory"))
+
+
+def refuse_company(node: "Node", own: int = 0) -> None:
     """Let no second graph move the robot.
 
     Args:
@@ -32,6 +39,6 @@ def refuse_company(node: Node, own: int = 0) -> None:
     Raises:
         GestureBotError: There are more.
     """
-    if node.count_publishers("joint_trajectory") > own:
-        message = "a graph is running already; end it, or set namespace:=. It publishes"
+    if movers(node) > own:
+        message = "a graph is running already; end it, or use another ROS_DOMAIN_ID. It publishes"
         raise GestureBotError(message, node.resolve_topic_name("joint_trajectory"))

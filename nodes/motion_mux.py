@@ -10,6 +10,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from gesture_bot.msg import JointOwners
+from gesture_bot.nodes.discovery import movers
 from gesture_bot.nodes.messages import trajectory_from, trajectory_to
 from gesture_bot.nodes.node import PLAN, STATE, GestureNode, diagnostic, stamp
 from gesture_bot.nodes.urgent import UrgentNode
@@ -93,13 +94,13 @@ class MotionMux(GestureNode):
         self.get_logger().info(outcome)
 
     def _report(self) -> None:
-        held = [COMPANY] if self.count_publishers("joint_trajectory") > 1 else []
-        if held:
+        troubles = [COMPANY] if movers(self) > 1 else []
+        if troubles:
             self.get_logger().warning(COMPANY, throttle_duration_sec=10.0)
-        held += [STOPPED] if self._mux.stopped else []
-        held += [f"locked by {lock.name} ({lock.topic})" for lock in self._mux.locks(self.now())]
+        troubles += [STOPPED] if self._mux.stopped else []
+        troubles += [f"locked by {lock.name} ({lock.topic})" for lock in self._mux.locks(self.now())]
         owners: dict[str, Any] = dict(self._mux.owners)
-        self.diagnose(diagnostic("motion mux", held + self.errors(), "open", **owners))
+        self.diagnose(diagnostic("motion mux", troubles + self.errors(), "open", **owners))
 
     def _tick(self) -> None:
         with self._turn:

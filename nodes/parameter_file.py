@@ -14,6 +14,7 @@ from gesture_bot.nodes.graph import ARGUMENTS, NODES
 
 ANY = ("*", "**")
 _KINDS = {bool: "true or false", int: "a whole number"}
+"""Types that are not converted, in words."""
 
 
 def _known_node(key: str) -> str:

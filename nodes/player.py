@@ -97,8 +97,9 @@ class Player(GestureNode):
             self.get_logger().info(f"plays {self._recording.duration:.1f} s of {self._recording.path}")
         if self._motion:
             self._move(self._motion, now - self._shift)
-        while self._next and self._next.received * 1e-9 + self._shift - LEAD <= now:
-            self._publish(self._next)
+        while (due := self._next) and due.received * 1e-9 + self._shift - LEAD <= now:
+            self._next = None  # where the rest is damaged, this is the last
+            self._publish(due)
             self._next = next(self._waiting, None)
         if now > self._recording.end * 1e-9 + self._shift + LAST:
             self.context.try_shutdown()

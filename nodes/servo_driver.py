@@ -87,6 +87,7 @@ class ServoDriver(ManagedNode):
         self._driver.deactivate()
         self._driver.start()
         self._recent.clear()
+        self._faults = []
         # Python lets another thread go on for 5 ms before it takes turns: half a bus cycle, too long.
         sys.setswitchinterval(5e-4)
         self._stopping.clear()
@@ -245,7 +246,7 @@ class ServoDriver(ManagedNode):
         for fault in faults:
             if fault not in self._faults:
                 self.get_logger().error(fault)
-        if self._faults and not faults:
+        if self._faults and not faults and not self._driver.status.relaxed:
             self.get_logger().info("all servos are in service again")
         self._faults = faults
 

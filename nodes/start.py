@@ -173,8 +173,8 @@ def _work(nodes: Sequence[Node]) -> None:
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)
-    install_signal_handlers()  # they wake an executor that waits, and pass the signal on
     try:
+        install_signal_handlers()  # they wake an executor that waits, and pass the signal on
         with until_shutdown(rclpy.get_default_context()):
             executor.spin()
     finally:

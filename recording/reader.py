@@ -1,6 +1,8 @@
 """Reads a recording, also one whose end is missing."""
 
+import os
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,13 +11,21 @@ from typing import IO, Any
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, SeekingReader
+from mcap.reader import SeekingReader
+from mcap.records import Channel, DataEnd, Message, Schema
+from mcap.stream_reader import StreamReader
 
 from gesture_bot.base.errors import FileFormatError, InvalidValueError
 from gesture_bot.recording.definitions import type_hash
 
-_BROKEN = (McapError, ValueError, KeyError, OverflowError, MemoryError, struct.error, zstandard.ZstdError)
+_BROKEN = (
+    McapError, ValueError, KeyError, OverflowError, MemoryError, RuntimeError, struct.error,
+    zstandard.ZstdError,
+)  # fmt: skip
 """What reading a file raises that ends in the middle, is damaged, or is no MCAP."""
+
+FOOTER = 28
+"""From the footer's content to the end of a file, whose last 8 bytes are its magic [bytes]."""
 
 _Entry = tuple[Any, Any, Any]
 """Schema, channel and message, as mcap reads them."""
@@ -133,7 +143,7 @@ class Recording:
         if profile != "ros2":
             raise FileFormatError(f"{self.path} is an MCAP file of another profile than ros2", profile)
         try:
-            summary = reader.get_summary()
+            summary = reader.get_summary() if _index_is_whole(file) else None
         except _BROKEN:
             summary = None
         if summary and summary.statistics:
@@ -159,10 +169,32 @@ class Recording:
             raise FileFormatError(f"{topic} was recorded with another version of the message type", name)
 
 
+def _index_is_whole(file: IO[bytes]) -> bool:
+    """Whether the index at the end matches its checksum; one of 0 is none (MCAP specification, Footer)."""
+    footer = file.seek(0, os.SEEK_END) - FOOTER
+    file.seek(max(0, footer))
+    start, _, checksum = struct.unpack("<QQI", file.read(20))
+    if start > footer:
+        return False
+    file.seek(start)
+    return checksum == 0 or zlib.crc32(file.read()[: 16 - FOOTER]) == checksum
+
+
 def _whole(file: IO[bytes]) -> Iterator[_Entry]:
-    """Messages of the chunks that are whole, up to where the file breaks off."""
+    """Messages of the chunks that are whole, up to where the file breaks off, or its index begins."""
+    schemas, channels = dict[int, Schema](), dict[int, Channel]()
     with suppress(*_BROKEN):
-        yield from NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        for record in StreamReader(file, validate_crcs=True).records:
+            match record:
+                case Schema():
+                    schemas[record.id] = record
+                case Channel():
+                    channels[record.id] = record
+                case Message():
+                    channel = channels[record.channel_id]
+                    yield schemas[channel.schema_id], channel, record
+                case DataEnd():
+                    break
 
 
 def _recorded(entry: _Entry) -> Recorded:

@@ -172,17 +172,17 @@ class _Skeleton:
         return bool(
             np.abs(lengths[0] - lengths[1]).max() < tolerance
             and abs(starts[0][2] - starts[1][2]) < tolerance
-            and np.linalg.norm(self._apart(one, other)) > tolerance
+            and np.linalg.norm(self._apart(one, other)[:2]) > tolerance
         )
 
     def _apart(self, one: Chain, other: Chain) -> np.ndarray:
-        """(3,) from the other chain to one, where both begin, or else where they are first apart [m].
+        """(3,) from the other chain to one, where both begin, or else where they are first side by side [m].
 
         Joints that lift the shoulders may begin in one place.
         """
         gaps = [self._anchor(a) - self._anchor(b) for a, b in zip(one.joints, other.joints, strict=True)]
-        near = ALIKE * self._lengths(one).sum()
-        return next((gap for gap in gaps if np.linalg.norm(gap) > near), gaps[-1])
+        near = ALIKE * (self._lengths(one).sum() + self._lengths(other).sum()) / 2
+        return next((gap for gap in gaps if np.linalg.norm(gap[:2]) > near), gaps[-1])
 
     def _lengths(self, chain: Chain) -> np.ndarray:
         """Distances from joint to joint [m]."""

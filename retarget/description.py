@@ -154,7 +154,7 @@ class RobotDescription(_Section):
         if doubled:
             names = " and ".join(name for name, joint in self.joints.items() if joint.id == doubled[0])
             raise ValueError(
-                f"two joints have the servo id {doubled[0]}, {names}: ids differ, also on several buses"
+                f"joints share the servo id {doubled[0]}, {names}: ids differ, also on several buses"
             )
         return self
 

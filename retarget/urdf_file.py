@@ -12,7 +12,8 @@ def read_urdf(path: Path) -> str:
     """The XML of a URDF file.
 
     Raises:
-        RobotError: It cannot be read, is no URDF, or links and joints cannot be told apart by their names.
+        RobotError: It cannot be read, is no URDF, links and joints cannot be told apart by their names, or a
+            limit or an origin is not made of numbers.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -56,6 +56,8 @@ def urdf_model(name: str, urdf: str) -> mujoco.MjModel:
 def urdf_spec(name: str, urdf: str) -> mujoco.MjSpec:
     """What MuJoCo makes a model of, from a URDF as XML, without its meshes, whose files need not be there.
 
+    Shapes of no size are left out, too.
+
     A link whose only shapes are meshes gets a box with the inertia of the link, if the URDF gives it one.
 
     Raises:
@@ -67,9 +69,12 @@ def urdf_spec(name: str, urdf: str) -> mujoco.MjSpec:
     ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
     bare = []
     for link in root.findall("link"):
-        shapes = link.findall("visual") + link.findall("collision")
-        for shape in filter(_without_size, shapes):
-            link.remove(shape)
+        shapes = []
+        for shape in link.findall("visual") + link.findall("collision"):
+            if _without_size(shape):
+                link.remove(shape)
+            else:
+                shapes.append(shape)
         meshes = [shape for shape in shapes if shape.find("geometry/mesh") is not None]
         for mesh in meshes:
             link.remove(mesh)

@@ -154,15 +154,15 @@ class Strip:
     def _word_parts(self, begin: float) -> list[str]:
         """Each word has room until the next one of its line begins."""
         top, height = ROWS["words"]
-        parts, ends = [], [begin + PAST + AHEAD] * LINES
+        parts, ends = [], [begin + 1.1 * (PAST + AHEAD)] * LINES  # beyond the edge, as the strip glides on
         for start, end, text, line in sorted(self._words, reverse=True):
             left, right = _percent(start, begin), _percent(ends[line], begin)
             ends[line] = start
-            if right > max(left, 0.0):
+            if left > -20 and right > max(left, 0.0):
                 key = any(start < last and first < end for first, last in self._keywords)
                 parts.append(
-                    f'<svg x="{left:.2f}%" y="{top + line * height // LINES}" width="{right - left:.2f}%" '
-                    f'height="{height // LINES}" style="overflow:hidden">'
+                    f'<svg x="{left:.2f}%" y="{top + line * height // LINES}" height="{height // LINES}" '
+                    f'width="calc({right - left:.2f}% - 3px)" style="overflow:hidden">'
                     f'<text y="11" class="word{" key" * key}">{escape(text)}</text></svg>'
                 )
         return parts

@@ -27,7 +27,9 @@ class Settings(BaseModel):
 @pytest.mark.parametrize("module", ["speech.transcriber", "speech.activity", "refine.model"])
 def test_onnxruntime_tells_its_maker_nothing(tmp_path, module):
     """It would make a number for this computer, and a queue of what it reports, when it is imported."""
-    environment = {"HOME": str(tmp_path), "PATH": os.environ["PATH"]}
+    told = ("XDG_", "ORT_", "CI", "GITHUB_")  # where it keeps things, and whether it tells
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(told)}
+    environment |= {"HOME": str(tmp_path)}
     subprocess.run(
         [sys.executable, "-c", f"import gesture_bot.{module}, onnxruntime"], env=environment, check=True
     )

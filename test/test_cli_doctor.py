@@ -32,3 +32,11 @@ def test_what_is_wrong_is_named_and_hides_nothing_else():
     assert found["cache"].startswith("folder  bad ") and "/proc/none/gesture_bot" in found["cache"]
     assert found["domain"].startswith("bad ") and "'mine'" in found["domain"]
     assert found["loudspeaker"]
+
+
+def test_a_machine_without_rclpy_is_told_so(tmp_path):
+    (tmp_path / "rclpy.py").write_text("raise ImportError('no rclpy here')")
+    status, found, output = doctor(PYTHONPATH=f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    assert status == 1, output
+    assert "bad " in output and "Traceback" not in output
+    assert found["loudspeaker"]

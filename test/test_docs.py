@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 ROOMS = (
     "base", "cli", "nodes", "speech", "corpus", "matching", "refine", "retarget", "servo", "evaluate",
-    "studio",
+    "recording", "studio",
 )  # fmt: skip
 PARSER = command_line()
 

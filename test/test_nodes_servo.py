@@ -9,6 +9,7 @@ from moving_robot import spun
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from servo_bus import recorded_bus
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -175,8 +176,8 @@ def test_a_stop_on_the_topic_brakes_within_five_bus_cycles_and_latches(both, wir
 
 def test_the_parameter_service_makes_and_ends_faults_of_the_virtual_bus(listener):
     driver = ServoDriver(context=listener.context)
-    logged = []
-    listener.create_subscription(Log, "/rosout", lambda line: logged.append(line.msg), 100)
+    logged, kept = [], QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    listener.create_subscription(Log, "/rosout", lambda line: logged.append(line.msg), kept)
 
     def fault(words):
         parameter = Parameter("virtual_fault", value=words).to_parameter_msg()

@@ -23,6 +23,7 @@ from gesture_bot.studio.guard import open_server
 from gesture_bot.studio.meshes import FACES, Meshes, load_meshes
 from gesture_bot.studio.reaching import Reaching
 from gesture_bot.studio.scene import RobotView
+from gesture_bot.studio.strip import Strip
 
 pytestmark = pytest.mark.live
 
@@ -253,6 +254,19 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         button(page, "Take").last.click()
         wait_until(lambda: "teleop" in owners().values(), 20, "the other arm to be taken")
     wait_until(lambda: "teleop" not in owners().values(), 20, "what nobody can give back to be given back")
+
+
+def test_no_word_of_the_strip_covers_another():
+    drawn = Strip()
+    for number, text in enumerate(["extraordinarily", "I", "am", "glad"]):
+        drawn.add_word("voice", 1, 0.2 * number, 0.2, text)
+    shape = r'<svg x="([^"]*)%" y="(\d+)"[^>]*calc\(([^%]*)% - 3px\)"[^>]*><text [^>]*"word">(\w+)<'
+    boxes = {word: tuple(map(float, box)) for *box, word in re.findall(shape, drawn.html(1.0))}
+    assert set(boxes) == {"extraordinarily", "I", "am", "glad"}
+    long, glad = boxes["extraordinarily"], boxes["glad"]
+    assert long[1] == glad[1] and long[0] + long[2] == pytest.approx(glad[0])
+    assert len({line for _, line, _ in boxes.values()}) == 3
+    assert 'class="word' not in drawn.html(60.0)
 
 
 def test_only_this_machine_or_the_token_gets_in():

@@ -1,5 +1,6 @@
 """Recordings: what other programs read in them, what is left after a crash, and what they are exported to."""
 
+import io
 import subprocess
 import wave
 
@@ -119,7 +120,7 @@ def test_a_damaged_recording_is_refused(tmp_path, damage):
     """Nothing of it is taken for what the robot did, wherever in the messages the damage is."""
     path = write_recording(tmp_path / "a.mcap", states(EVENT))
     whole = path.read_bytes()
-    (chunk,) = make_reader(path.open("rb")).get_summary().chunk_indexes
+    (chunk,) = make_reader(io.BytesIO(whole)).get_summary().chunk_indexes
     end = chunk.chunk_start_offset + chunk.chunk_length
     for position in np.linspace(end - chunk.compressed_size, end - 1, 20, dtype=int):
         damaged = bytearray(whole)
@@ -127,6 +128,22 @@ def test_a_damaged_recording_is_refused(tmp_path, damage):
         path.write_bytes(damaged)
         with pytest.raises(FileFormatError, match="damaged"):
             list(Recording(path).messages("/joint_states"))
+
+
+@pytest.mark.parametrize("damage", [0x01, 0x80, 0xFF])
+def test_where_the_index_is_damaged_the_messages_are_read_without_it(tmp_path, damage):
+    path = write_recording(tmp_path / "a.mcap", states(EVENT))
+    whole = path.read_bytes()
+    recorded = list(Recording(path).messages())
+    (chunk,) = make_reader(io.BytesIO(whole)).get_summary().chunk_indexes
+    begin = chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length
+    for position in range(begin, len(whole) - 8, 3):
+        damaged = bytearray(whole)
+        damaged[position] ^= damage
+        path.write_bytes(damaged)
+        found = Recording(path)
+        assert list(found.messages()) == recorded, position - begin
+        assert found.topics == {"/joint_states": "sensor_msgs/msg/JointState"}
 
 
 def test_another_version_of_a_message_is_refused(tmp_path, monkeypatch):

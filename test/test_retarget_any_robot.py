@@ -19,7 +19,7 @@ from gesture_bot.retarget.reach import BONES, POSES, WAVE, angle_between, both_a
 from gesture_bot.retarget.robot import Robot, load_robot
 from gesture_bot.retarget.solver import DirectionSolver
 from gesture_bot.retarget.urdf_file import read_urdf
-from gesture_bot.retarget.urdf_model import urdf_model
+from gesture_bot.retarget.urdf_model import urdf_model, urdf_spec
 from gesture_bot.servo.table_check import table_problems
 
 TOA = config_dir() / "robots" / "toa.urdf"
@@ -262,6 +262,15 @@ def test_arms_whose_first_joints_are_in_one_place_are_found(tmp_path):
     mapping = toa_with(tmp_path, from_the_middle).mapping
     assert (mapping.torso, mapping.left_arm.elbow) == ("torso", "left_forearm")
     np.testing.assert_allclose(mapping.torso_axes()[:, 0], [1, 0, 0], atol=1e-9)
+
+
+def test_a_link_of_a_mesh_and_a_shape_of_no_size_has_its_box():
+    urdf = """<robot name="one"><link name="base">
+      <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <visual><geometry><mesh filename="package://one/base.dae"/></geometry></visual>
+      <collision><geometry><sphere radius="0"/></geometry></collision>
+    </link></robot>"""
+    assert urdf_spec("one", urdf).compile().ngeom == 1
 
 
 def test_a_shape_of_no_size_is_left_out(tmp_path):
