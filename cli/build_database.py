@@ -42,6 +42,8 @@ def command(options: argparse.Namespace) -> int:
     """
     if options.workers < 1:
         raise InvalidValueError("number of workers", options.workers, ["1 or more"])
+    if options.output.suffix != ".safetensors":
+        raise InvalidValueError("kind of database file", options.output.name, [".safetensors"])
     skeletons = [load_skeleton(options.map)] if options.map else list(load_skeletons().values())
     parts = options.output.with_name(f"{options.output.name}.parts")
     jobs = find_jobs(options.sources, skeletons, parts)

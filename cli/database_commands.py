@@ -27,12 +27,20 @@ def add_database_commands(commands: "argparse._SubParsersAction[Parser]") -> Non
     build.add_argument(
         "--labels", type=Path, metavar="TABLE.csv", help="table: file, emotion, style, speaker"
     )
-    build.add_argument("--licence", default="not stated", metavar="TEXT", help="licence of the recordings")
+    build.add_argument(
+        "--licence", default="not stated", metavar="TEXT", help="of the recordings (not stated)"
+    )
     build.add_argument(
         "--future", choices=("real", "zeros"), default="real",
         help="what follows a sequence: the recording's next frames, or zeros as in MM22's code (real)",
     )  # fmt: skip
-    build.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    build.add_argument(
+        "--workers",
+        type=int,
+        default=os.cpu_count(),
+        metavar="N",
+        help="processes (one a processor)",
+    )
     build.set_defaults(module="build_database")
 
     inspect = commands.add_parser(

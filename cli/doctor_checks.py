@@ -223,6 +223,8 @@ def _permission(port: str) -> tuple[str, str]:
     group = grp.getgrgid(os.stat(port).st_gid)
     user = os.environ.get("USER", "$USER")
     found = f"{port}: no permission; it belongs to the group {group.gr_name}"
+    if group.gr_gid == 0:
+        return found, "nobody should join that one: give the port to the group dialout, by a udev rule"
     if user in group.gr_mem:
         return found, f"{user} is in that group since the last login: log out and in again"
     return found, f"sudo usermod -aG {group.gr_name} {user}, then log out and in again"

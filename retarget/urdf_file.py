@@ -19,7 +19,8 @@ def read_urdf(path: Path) -> str:
         text = path.read_text(encoding="utf-8")
         root = ElementTree.fromstring(text)
     except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
-        raise RobotError(f"cannot read the URDF {path} ({error})") from error
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise RobotError(f"cannot read the URDF {path} ({reason})") from error
     if root.tag != "robot":
         raise RobotError(f"{path} is not a URDF: its root element is", root.tag, ["robot"])
     if any(element.tag.partition("}")[0].endswith("/xacro") for element in root.iter()):

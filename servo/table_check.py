@@ -15,7 +15,7 @@ def table_problems(robot: Robot) -> Iterator[str]:
         yield f"no servo speaks at {robot.bus.baudrate} bit/s, but at {', '.join(map(str, rates))}"
     unknown = sorted({servo.model for servo in robot.servos} - MODELS.keys())
     if unknown:
-        yield f"unknown models: {', '.join(unknown)}"
+        yield f"unknown models: {', '.join(unknown)}; valid: {', '.join(MODELS)}"
         return
     try:
         series_of(robot)

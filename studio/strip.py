@@ -62,7 +62,7 @@ class Strip:
 
     def add_sound(self, source: str, utterance: int, start: float, samples: np.ndarray, rate: int) -> None:
         """Take in (n,) samples that are heard from a moment on [s since the epoch], `rate` a second."""
-        if not len(samples) or self._cuts.void(source, utterance, start):
+        if not len(samples) or rate <= 0 or self._cuts.void(source, utterance, start):
             return
         columns = np.floor((start + np.arange(len(samples)) / rate) * COLUMNS).astype(int)
         firsts = np.flatnonzero(np.diff(columns, prepend=columns[0] - 1))

@@ -248,7 +248,8 @@ def test_bad_files_are_named_and_left_out(folder, tmp_path, capsys):
         (["{folder}", "--labels", "{columns}"], "'mood'; valid: file, emotion, style, speaker"),
         (["{folder}/bvh/three.bvh"], "no recording to build"),
         (["{folder}", "--map", "trinity"], "no recording to build"),
-        (["{folder}", "-o", "{folder}"], "it is a folder"),
+        (["{folder}", "-o", "{taken}"], "it is a folder"),
+        (["{folder}", "-o", "own.onnx"], "kind of database file: 'own.onnx'; valid: .safetensors"),
         (["{folder}", "-o", "/proc/own.safetensors"], "cannot write /proc/own.safetensors"),
     ],
 )
@@ -258,7 +259,8 @@ def test_wrong_input_is_named_in_one_line(folder, tmp_path, capsys, arguments, n
     (tmp_path / "short.csv").write_text("emotion,file\nhappy\n")
     (tmp_path / "long.csv").write_text("file,emotion\none.bvh,happy,ann\n")
     tables = {name: tmp_path / f"{name}.csv" for name in ("table", "columns", "short", "long")}
-    places = {"folder": folder, **tables}
+    (taken := tmp_path / "taken.safetensors").mkdir()
+    places = {"folder": folder, "taken": taken, **tables}
     output = ["-o", str(tmp_path / "own.safetensors")]
     assert build(*output, "--workers", 1, *(argument.format(**places) for argument in arguments)) == 1
     (error,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("gesture-bot: ")]
