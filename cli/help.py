@@ -46,8 +46,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the command line, and where to read on; the exit status is 2."""
-        of_graph = self.prog.split()[-1] in ("run", "demo", "replay")
-        if of_graph and message.startswith("unrecognized arguments"):
+        if message.startswith("unrecognized arguments"):
             message += "; those of run, demo and replay are written NAME:=VALUE"
         self.print_usage(sys.stderr)
         self.exit(2, f"{self.prog}: error: {message}\nTry: {self.prog} --help\n")
