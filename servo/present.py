@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from gesture_bot.base.errors import BusError
-from gesture_bot.servo.bus import ATTEMPTS
+from gesture_bot.servo.bus import ATTEMPTS, Bus
 from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.table import PRESENT
 
@@ -21,6 +21,10 @@ STAMP_ERROR = 0.004
 A servo measures when the question reaches it, somewhere between question and answer. A computer or a servo
 that is busy for longer than this leaves that open.
 """
+
+HANGS = 0.5
+"""While nothing at all comes from a line, for so long at most, no servo on it is missed [s]: the computer, an
+adapter or a virtual bus is busy. Servos that hear nothing meanwhile stop by their watchdogs."""
 
 RETRY_TIME = 0.004
 """Time in a cycle for asking those alone that have not answered [s]; who is left waits for the next cycle."""
@@ -60,6 +64,7 @@ class PresentReader:
         self._bus = bus
         self._ids = ids
         self._missed = dict.fromkeys(ids, 0)
+        self._noisy = set[Bus]()  # lines on which nobody answers, but something comes
         self._took: deque[float] = deque(maxlen=_LATELY)
         self._plain = 0
         self._turn = 0
@@ -75,7 +80,7 @@ class PresentReader:
         """Bring `present` up to date."""
         asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
         together = [servo_id for servo_id in asked if self._missed[servo_id] < ALONE_AFTER]
-        fast = self._fast and not self._plain
+        fast, since = self._fast and not self._plain, self._bus.clock.monotonic()
         self._plain = max(self._plain - 1, 0)
         answers = self._ask(together, fast)
         self.read_at = self._bus.asked_at
@@ -94,10 +99,15 @@ class PresentReader:
         for servo_id, data in answers.items():
             self._missed[servo_id] = 0
             self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
+        now, of = self._bus.clock.monotonic(), self._bus.of
+        answering = {of(servo_id) for servo_id in answers}
+        quiet = {of(servo_id) for servo_id in asked} - answering
+        self._noisy = self._noisy - answering | {line for line in quiet if line.heard_at >= since}
+        hanging = {line for line in quiet - self._noisy if now - line.heard_at < HANGS}
         # When a bus has come back, those whose turn does not come in time are as well as those whose did.
         for servo_id in set(missing[:turns] if alone else missing) - set(alone):
-            self._missed[servo_id] += 1
-        self._judge(self._bus.clock.monotonic() - self.read_at)
+            self._missed[servo_id] += of(servo_id) not in hanging
+        self._judge(now - self.read_at)
 
     def read_all(self) -> None:
         """Bring all of `present` up to date, in a few attempts.

@@ -47,6 +47,9 @@ SPEEDS = {getattr(termios, f"B{rate}"): rate for rate in BAUD_RATES.values() if 
 LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
 
+PAUSE = 0.1
+"""Who looks no sooner again had to wait for its turn [s]."""
+
 
 def servo_specs(robot: "Robot", bus: str | None = None) -> list[ServoSpec]:
     """The servos of a `retarget.robot.Robot`, or those on one of its buses, standing in its rest pose.
@@ -92,12 +95,14 @@ def serve(wires: Mapping[int, VirtualWire], commands: int) -> None:
     free = dict.fromkeys(wires, last)
     on_the_way: list[tuple[float, int, bytes]] = []
     while True:
-        due = on_the_way[0][0] if on_the_way else last + 10 * LONGEST_STEP
+        due = on_the_way[0][0] if on_the_way else last + PAUSE / 2
         readable, _, _ = select.select([*wires, commands], [], [], max(due - time.monotonic(), 0.0))
         now = time.monotonic()
         while on_the_way and on_the_way[0][0] <= now:
             _, servos_end, answers = heapq.heappop(on_the_way)
             os.write(servos_end, answers)
+        # While this process waits for its turn, its servos' time stands still: their watchdogs must not bite.
+        last = max(last, now - PAUSE)
         while last < now and (readable or now - last > LONGEST_STEP):
             step = min(now - last, LONGEST_STEP)
             for wire in wires.values():
@@ -132,9 +137,11 @@ class VirtualBus:
 
     Attributes:
         port: Path of the serial port; of several buses as `buses.read_ports` takes it.
+        process: In which it runs.
     """
 
     port: str
+    process: subprocess.Popen[str]
 
     def __init__(self, robot: "Robot", physics: str = PHYSICS[0]):
         if physics not in PHYSICS:
@@ -147,16 +154,16 @@ class VirtualBus:
     def __enter__(self) -> "VirtualBus":
         # The child ends when its standard input does: the kernel closes that for us, however we die. A Ctrl-C
         # in our terminal must not reach it, since the driver still has to bring the arms to rest.
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             [sys.executable, "-m", __spec__.name, CHILD],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,
         )
-        assert self._process.stdin and self._process.stdout
-        print(self._task, file=self._process.stdin, flush=True)
-        self.port = self._process.stdout.readline().strip()
+        assert self.process.stdin and self.process.stdout
+        print(self._task, file=self.process.stdin, flush=True)
+        self.port = self.process.stdout.readline().strip()
         if not self.port:
             raise BusError("the virtual bus did not start")
         return self
@@ -168,16 +175,16 @@ class VirtualBus:
             InvalidValueError: A word is no fault, or its value does not fit.
         """
         read_faults(faults, self._ids)
-        assert self._process.stdin
-        print(*faults.split(), file=self._process.stdin, flush=True)
+        assert self.process.stdin
+        print(*faults.split(), file=self.process.stdin, flush=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        assert self._process.stdin and self._process.stdout
-        self._process.stdin.close()
-        self._process.stdout.close()
-        self._process.wait()
+        assert self.process.stdin and self.process.stdout
+        self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.wait()
 
 
 def _child() -> None:

@@ -39,6 +39,8 @@ CHOSEN, REFINED, TARGET = (150, 158, 168), (41, 155, 166), (240, 140, 60)
 BRAND = (41, 155, 166)
 
 STYLE = f"""
+body:not(:has(.studio-heard)) {{ cursor: progress; }}
+body:not(:has(.studio-heard)) * {{ pointer-events: none !important; }}
 [data-floating-window]:has(.studio-strip) {{ left: {LEFT + GAP}px !important;
   width: calc(100% - {LEFT + RIGHT + 2 * GAP}px) !important; }}
 [data-floating-window]:has(.studio-stop) {{ background: none; box-shadow: none; width: 210px !important;
@@ -53,6 +55,14 @@ div:has(> .studio-banner) {{ text-align: center; }}
   background: #fff0f0; color: #c92a2a; font-weight: 600; font-size: 13px; }}
 .studio-said {{ padding: 0 10px 6px; font-size: 12px; color: #c92a2a; }}
 .mantine-Notifications-root {{ top: 160px !important; }}
+"""
+
+# viser turns the camera by the arrow keys, also while these move a slider or choose a tab.
+_ARROWS = """
+document.body.addEventListener('keydown', event => {
+  const moves = event.target.matches('[role=slider], [role=tab]');
+  if (moves && event.key.startsWith('Arrow')) event.stopPropagation();
+});
 """
 
 
@@ -104,6 +114,7 @@ class Page:
             self._arms = Arms(server, robot, self._view, self._events, steering)
         self._build_strip(server)
         self._build_stop(server)
+        server.on_client_connect(_hear)
 
     @property
     def browsers(self) -> int:
@@ -203,7 +214,9 @@ class Page:
         panel = server.gui.add_panel()
         with panel.add_tab("Stop"):
             styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE, gestures.STYLE
-            server.gui.add_html(f'<div class="studio-stop"></div><style>{"".join(styles)}</style>')
+            server.gui.add_html(
+                f'<div class="studio-stop"></div><style onload="{escape(_ARROWS)}">{"".join(styles)}</style>'
+            )
             stop = server.gui.add_button("STOP", color="red", icon=viser.Icon.HAND_STOP)
             self._stopped = server.gui.add_html(
                 '<div class="studio-banner">stopped until reset</div>', visible=False
@@ -228,3 +241,8 @@ class Page:
     def _say(self) -> None:
         if text := self._text.value.strip():
             self._steering.say(text)
+
+
+async def _hear(client: viser.ClientHandle) -> None:
+    """Let a page take clicks: viser drops what is clicked before it knows the page, a stop, too."""
+    client.gui.add_html('<div class="studio-heard"></div>')

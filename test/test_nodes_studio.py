@@ -79,10 +79,15 @@ class Camera:
         return self._box["x"] + self._box["width"] / 2 + x, self._box["y"] + self._box["height"] / 2 + y
 
 
+def center(element):
+    """The middle of an element."""
+    box = element.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
 def drag(page, slider, pixels):
     """Drag the thumb of a slider to the right; where it is then."""
-    box = slider.bounding_box()
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    x, y = center(slider)
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + pixels, y, steps=4)
@@ -159,7 +164,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         for one in (page, other):
             one.get_by_role("tab", name="Controls").click()
         lowest = page.get_by_role("slider").first
-        lowest.press("ArrowRight")
+        lowest.press("ArrowRight", delay=500)  # held, it must not turn the camera: later a wrist is aimed at
         wait_until(lambda: record.states[-1].message.constraints, 20, "the control by keys")
         assert bound() == ("wrist_height", "left", "at_least", "value")
         before = record.states[-1].message.constraints[0].value
@@ -168,6 +173,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         assert bound() == ("wrist_height", "left", "at_least", "value")
         before = record.states[-1].message.constraints[0].value
         touch(page, middle, -40)
+        wait_until(lambda: abs(center(lowest)[0] - middle[0] + 40) < 3, 20, "the thumb to be at the finger")
         wait_until(lambda: record.states[-1].message.constraints[0].value < before - 0.05, 20, "the touch")
         range_told = other.locator(".studio-range").first
         wait_until(
@@ -219,27 +225,16 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
 
         element(page, "drag wrists").click()
         reaching, camera = Reaching(robot, "left"), Camera(robot, page)
-        starts = []
-
-        def lifted():
-            """Take the arrow and drag it. It is not there at once, and follows the wrist with some delay."""
-            page.wait_for_timeout(1000)
-            starts.append(reaching.wrist(angles()))
-            grip = starts[-1] + [0, 0, 0.6 * HANDLE * camera.view.height]
-            page.mouse.move(*camera.pixel(grip))
-            page.wait_for_timeout(300)
-            page.mouse.down()
-            page.mouse.move(*camera.pixel(grip + RAISED), steps=5)
-            page.wait_for_timeout(2000)
-            risen = reaching.wrist(angles())[2] > starts[-1][2] + RAISED[2] / 2
-            if not risen:  # what was dragged is the camera, which goes back where it was
-                page.mouse.move(*camera.pixel(grip), steps=5)
-            page.mouse.up()
-            return risen
-
-        wait_until(lifted, 30, "the wrist to rise")
-        raised = starts[-1] + RAISED
-        wait_until(lambda: np.linalg.norm(reaching.wrist(angles()) - raised) < 0.025, 20, "the wrist there")
+        page.wait_for_timeout(2000)  # the arrows are not there at once
+        start = reaching.wrist(angles())
+        grip = start + [0, 0, 0.6 * HANDLE * camera.view.height]
+        page.mouse.move(*camera.pixel(grip))
+        page.mouse.down()
+        page.mouse.move(*camera.pixel(grip + RAISED), steps=5)
+        wait_until(
+            lambda: np.linalg.norm(reaching.wrist(angles()) - start - RAISED) < 0.025, 30, "the wrist to rise"
+        )
+        page.mouse.up()
         assert (angles() >= robot.limits.lower - 0.01).all() and (angles() <= robot.limits.upper + 0.01).all()
         assert owners()["right_elbow"] != "teleop"
 
@@ -252,6 +247,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         wait_until(lambda: set(owners().values()) == {"stop"}, 20, "the stop")
         button(other, "Reset").click()
         wait_until(lambda: "stop" not in owners().values(), 20, "the reset")
+        page.get_by_text("stopped until reset").wait_for(state="hidden")
         assert "teleop" not in owners().values(), "what was taken is given back by a stop"
         button(page, "Take").last.click()
         wait_until(lambda: "teleop" in owners().values(), 20, "the other arm to be taken")

@@ -1,5 +1,6 @@
 """The driver on a virtual bus: what reaches the servos, what comes back, and what happens in trouble."""
 
+import signal
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from gesture_bot.servo.health import read_health
 from gesture_bot.servo.models import WATCHDOG_ERROR, X, find_model, signed
 from gesture_bot.servo.mux import MotionMux
 from gesture_bot.servo.present import PresentReader
+from gesture_bot.servo.simulated_line import SimulatedLine
 from gesture_bot.servo.table import PRESENT, ServoTable
 from gesture_bot.servo.virtual_bus import VirtualBus
 from gesture_bot.servo.virtual_servo import BANDWIDTH, ServoSpec, VirtualServo
@@ -354,16 +356,51 @@ def test_a_bus_that_hangs_for_a_moment_costs_no_servo_its_place(monkeypatch):
 
     monkeypatch.setattr(VirtualServo, "read", answer)
     for k in range(40):
-        wire.faults.silent = set(wire.servos) if 10 <= k < 15 else set()
-        busy = 15 <= k < 18
+        wire.faults.lost_replies = float(10 <= k < 25)
+        busy = 25 <= k < 28
         prompt = driver.tick(T0 + k * DT).prompt
         assert not driver.status.out, f"in cycle {k}"
     assert prompt
     wire.faults.silent = set(wire.servos)
-    for k in range(40, 48):
+    since = driver.clock.monotonic()
+    while not driver.status.out:
         driver.tick(T0 + k * DT)
-    assert set(driver.status.out) == set(ROBOT.joints), "a bus that stays silent is told as soon as one servo"
+        k += 1
+    assert set(driver.status.out) == set(ROBOT.joints)
+    assert 0.5 < driver.clock.monotonic() - since < 0.8
     driver.close()
+
+
+def test_a_virtual_bus_whose_process_waits_for_its_turn_costs_no_servo_its_place():
+    with VirtualBus(ROBOT) as bus:
+        driver = Driver(robot_with(on_exit="off"), bus.port)
+        driver.start()
+        run(driver, 0.3)
+        began, told = time.monotonic(), {}
+        for signals, until in ((signal.SIGSTOP, 0.35), (signal.SIGCONT, 2.0)):
+            bus.process.send_signal(signals)
+            while (now := time.monotonic() - began) < until:
+                driver.tick(T0 + now)
+                told |= driver.status.out
+                time.sleep(DT / 2)
+        assert not told, "longer than a servo's watchdog, but its servos did not live through it"
+        driver.close()
+
+
+def test_an_answer_that_came_while_the_thread_paused_is_in_time(wire, monkeypatch):
+    bus = Bus(wire.port, ROBOT.bus.baudrate)
+    bus.hurry()
+    read, pauses = SimulatedLine.read, iter([0.1])
+
+    def paused(line, size):
+        if pause := next(pauses, 0.0):
+            line.clock.sleep(pause)
+            return b""
+        return read(line, size)
+
+    monkeypatch.setattr(SimulatedLine, "read", paused)
+    assert bus.try_read(ELBOW_ID, 0, 2)
+    assert not bus.try_read(200, 0, 2)
 
 
 def test_a_servo_that_does_not_tell_where_it_is_is_named():
