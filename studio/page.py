@@ -39,8 +39,8 @@ CHOSEN, REFINED, TARGET = (150, 158, 168), (41, 155, 166), (240, 140, 60)
 BRAND = (41, 155, 166)
 
 STYLE = f"""
-body:not(:has(.studio-heard)) {{ cursor: progress; }}
-body:not(:has(.studio-heard)) * {{ pointer-events: none !important; }}
+body:not(.studio-heard) {{ cursor: progress; }}
+body:not(.studio-heard) * {{ pointer-events: none !important; }}
 [data-floating-window]:has(.studio-strip) {{ left: {LEFT + GAP}px !important;
   width: calc(100% - {LEFT + RIGHT + 2 * GAP}px) !important; }}
 [data-floating-window]:has(.studio-stop) {{ background: none; box-shadow: none; width: 210px !important;
@@ -50,6 +50,10 @@ body:not(:has(.studio-heard)) * {{ pointer-events: none !important; }}
 [data-floating-window]:has(.studio-stop) [data-dock-resize] {{ display: none !important; }}
 [data-floating-window]:has(.studio-stop) button {{ height: 46px !important;
   font-size: 19px; font-weight: 700; }}
+.mantine-Tabs-root:has(.studio-stop):not([data-floating-window] *) {{ position: fixed; z-index: 20;
+  top: {GAP}px; left: calc(50% - 105px); width: 210px; }}
+.mantine-Tabs-root:has(.studio-stop):not([data-floating-window] *) > [aria-expanded] {{
+  display: none !important; }}
 div:has(> .studio-banner) {{ text-align: center; }}
 .studio-banner {{ display: inline-block; margin: 4px 0; padding: 3px 10px; border-radius: 4px;
   background: #fff0f0; color: #c92a2a; font-weight: 600; font-size: 13px; }}
@@ -57,12 +61,16 @@ div:has(> .studio-banner) {{ text-align: center; }}
 .mantine-Notifications-root {{ top: 160px !important; }}
 """
 
+_HEARD = "document.body.classList.add('studio-heard');"
+"""Lets a page take clicks: viser drops what is clicked before it knows the page, a stop, too."""
+
 # viser turns the camera by the arrow keys, also while these move a slider or choose a tab.
-_ARROWS = """
-document.body.addEventListener('keydown', event => {
+_START = f"""
+setTimeout(() => {{ {_HEARD} }}, 5000);
+document.body.addEventListener('keydown', event => {{
   const moves = event.target.matches('[role=slider], [role=tab]');
   if (moves && event.key.startsWith('Arrow')) event.stopPropagation();
-});
+}});
 """
 
 
@@ -215,7 +223,7 @@ class Page:
         with panel.add_tab("Stop"):
             styles = STYLE, strip.STYLE, tables.STYLE, feelings.STYLE, control_sliders.STYLE, gestures.STYLE
             server.gui.add_html(
-                f'<div class="studio-stop"></div><style onload="{escape(_ARROWS)}">{"".join(styles)}</style>'
+                f'<div class="studio-stop"></div><style onload="{escape(_START)}">{"".join(styles)}</style>'
             )
             stop = server.gui.add_button("STOP", color="red", icon=viser.Icon.HAND_STOP)
             self._stopped = server.gui.add_html(
@@ -223,6 +231,7 @@ class Page:
             )
             self._reset = server.gui.add_button("Reset", color="gray", visible=False)
         panel.float(x=GAP, y=GAP, width=210)
+        panel.expand()  # on a phone it is a section below all others, which would be folded
         key = server.gui.add_command("Stop the robot", hotkey="escape", icon=viser.Icon.HAND_STOP)
 
         @stop.on_click
@@ -244,5 +253,5 @@ class Page:
 
 
 async def _hear(client: viser.ClientHandle) -> None:
-    """Let a page take clicks: viser drops what is clicked before it knows the page, a stop, too."""
-    client.gui.add_html('<div class="studio-heard"></div>')
+    """Let a page take clicks that viser knows now."""
+    client.gui.add_html(f'<style onload="{escape(_HEARD)}"></style>')

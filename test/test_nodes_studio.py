@@ -243,12 +243,14 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         button(page, "Take").first.click()
         wait_until(lambda: "teleop" in owners().values(), 20, "the arm to be taken")
 
-        button(page, "STOP").click()
-        wait_until(lambda: set(owners().values()) == {"stop"}, 20, "the stop")
-        button(other, "Reset").click()
-        wait_until(lambda: "stop" not in owners().values(), 20, "the reset")
+        for stopping, resetting in ((page, other), (other, page)):
+            button(stopping, "STOP").click()
+            wait_until(lambda: set(owners().values()) == {"stop"}, 20, "the stop")
+            button(resetting, "Reset").click()
+            wait_until(lambda: "stop" not in owners().values(), 20, "the reset")
+            assert "teleop" not in owners().values(), "what was taken is given back by a stop"
+            other.set_viewport_size({"width": 400, "height": 800})  # as a phone
         page.get_by_text("stopped until reset").wait_for(state="hidden")
-        assert "teleop" not in owners().values(), "what was taken is given back by a stop"
         button(page, "Take").last.click()
         wait_until(lambda: "teleop" in owners().values(), 20, "the other arm to be taken")
     wait_until(lambda: "teleop" not in owners().values(), 20, "what nobody can give back to be given back")
