@@ -2,7 +2,6 @@
 
 import errno
 import functools
-import math
 import re
 import termios
 import time
@@ -83,8 +82,6 @@ class Port(PortHandler):
         reply_wait: Time for an answer, beyond that of its bytes on the wire [ms].
         written_at: When the last packet was sent, on the clock [s].
         heard: What has come since then.
-        heard_at: When something last came, on the clock [s].
-        read_at: When bytes were last asked for, on the clock [s].
         clock: Tells the time.
         latency_timer: Of a USB adapter that has one [ms], else None.
     """
@@ -93,8 +90,6 @@ class Port(PortHandler):
     reply_wait = PATIENT_WAIT
     written_at = 0.0
     heard = b""
-    heard_at = -math.inf
-    read_at = 0.0
     clock: Clock = time
 
     def setupPort(self, cflag_baud: int) -> bool:  # noqa: D102, N802
@@ -110,18 +105,16 @@ class Port(PortHandler):
         return int(super().writePort(packet))
 
     def readPort(self, length: int) -> bytes:  # noqa: D102, N802
-        self.read_at = self.clock.monotonic()
         data = bytes(super().readPort(length))
         self.heard += data
-        self.heard_at = self.clock.monotonic() if data else self.heard_at
         return data
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: D102, N802
         self.setPacketTimeoutMillis(self.tx_time_per_byte * packet_length + self.reply_wait)
 
     def isPacketTimeout(self) -> bool:  # noqa: D102, N802
-        # The thread may pause behind a read that found nothing: what comes meanwhile is in time, and read.
-        return 1000.0 * self.read_at - self.packet_start_time > self.packet_timeout
+        # What came while this thread paused is in time.
+        return bool(super().isPacketTimeout()) and not self.ser.in_waiting
 
     def getCurrentTime(self) -> float:  # noqa: D102, N802
         return 1000.0 * self.clock.monotonic()  # the SDK's own is the wall clock, which may be set
@@ -216,11 +209,6 @@ class Bus:
     def asked_at(self) -> float:
         """When the last packet was sent, on the monotonic clock [s]: a servo that is asked measures then."""
         return self._port.written_at
-
-    @property
-    def heard_at(self) -> float:
-        """When something last came, whole or damaged, on the monotonic clock [s]."""
-        return self._port.heard_at
 
     def of(self, servo_id: int) -> "Bus":  # noqa: ARG002
         """The bus that a servo is on: this one. `Buses` has several."""

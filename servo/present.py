@@ -23,8 +23,8 @@ that is busy for longer than this leaves that open.
 """
 
 HANGS = 0.5
-"""While nothing at all comes from a line, for so long at most, no servo on it is missed [s]: the computer, an
-adapter or a virtual bus is busy. Servos that hear nothing meanwhile stop by their watchdogs."""
+"""A line on which nobody answers for less than this only hung [s]: the computer, an adapter or a virtual bus
+was busy, and its servos need not be set up again."""
 
 RETRY_TIME = 0.004
 """Time in a cycle for asking those alone that have not answered [s]; who is left waits for the next cycle."""
@@ -64,7 +64,9 @@ class PresentReader:
         self._bus = bus
         self._ids = ids
         self._missed = dict.fromkeys(ids, 0)
-        self._noisy = set[Bus]()  # lines on which nobody answers, but something comes
+        self._lines = {servo_id: bus.of(servo_id) for servo_id in ids}
+        self._answered_at = dict.fromkeys(self._lines.values(), -np.inf)
+        self._hanging: set[Bus] = set()
         self._took: deque[float] = deque(maxlen=_LATELY)
         self._plain = 0
         self._turn = 0
@@ -78,35 +80,31 @@ class PresentReader:
 
     def read(self) -> None:
         """Bring `present` up to date."""
-        asked = [servo_id for servo_id in self._ids if self._missed[servo_id] < SILENT_AFTER]
+        silent = [servo_id for servo_id in self.silent if self._lines[servo_id] not in self._hanging]
+        asked = [servo_id for servo_id in self._ids if servo_id not in silent]
         together = [servo_id for servo_id in asked if self._missed[servo_id] < ALONE_AFTER]
-        fast, since = self._fast and not self._plain, self._bus.clock.monotonic()
+        fast = self._fast and not self._plain
         self._plain = max(self._plain - 1, 0)
         answers = self._ask(together, fast)
         self.read_at = self._bus.asked_at
         missing = self._in_turn(set(asked) - set(answers))
-        alone: dict[int, bytes] = {}
-        turns = 0
         if missing:
             self.failures += 1
             self._plain = PLAIN_CYCLES
             until = self._bus.clock.monotonic() + RETRY_TIME
-            while turns < len(missing) and self._bus.clock.monotonic() <= until:
-                alone |= self._ask([missing[turns]], fast=False)
-                turns += 1
-        answers |= alone
+            for servo_id in missing:
+                if self._bus.clock.monotonic() > until:
+                    break
+                answers |= self._ask([servo_id], fast=False)
         self.fresh[:] = [servo_id in answers for servo_id in self._ids]
-        for servo_id, data in answers.items():
-            self._missed[servo_id] = 0
-            self.present[self._ids.index(servo_id)] = np.frombuffer(data, PRESENT)[0]
-        now, of = self._bus.clock.monotonic(), self._bus.of
-        answering = {of(servo_id) for servo_id in answers}
-        quiet = {of(servo_id) for servo_id in asked} - answering
-        self._noisy = self._noisy - answering | {line for line in quiet if line.heard_at >= since}
-        hanging = {line for line in quiet - self._noisy if now - line.heard_at < HANGS}
-        # When a bus has come back, those whose turn does not come in time are as well as those whose did.
-        for servo_id in set(missing[:turns] if alone else missing) - set(alone):
-            self._missed[servo_id] += of(servo_id) not in hanging
+        for servo_id in asked:
+            if servo_id in answers:
+                self._missed[servo_id] = 0
+                self.present[self._ids.index(servo_id)] = np.frombuffer(answers[servo_id], PRESENT)[0]
+            else:
+                self._missed[servo_id] += 1
+        now = self._bus.clock.monotonic()
+        self._see_who_hangs({self._lines[servo_id] for servo_id in answers}, now)
         self._judge(now - self.read_at)
 
     def read_all(self) -> None:
@@ -135,6 +133,16 @@ class PresentReader:
     def heard(self, servo_id: int) -> None:
         """A servo that was silent has answered."""
         self._missed[servo_id] = 0
+
+    def _see_who_hangs(self, answering: set[Bus], now: float) -> None:
+        """Let the servos of lines that hung until now be asked together again, and see which hang."""
+        for servo_id, line in self._lines.items():
+            if line in answering & self._hanging:
+                self._missed[servo_id] = 0
+        self._answered_at |= dict.fromkeys(answering, now)
+        self._hanging = {
+            line for line, at in self._answered_at.items() if line not in answering and now - at < HANGS
+        }
 
     def _judge(self, took: float) -> None:
         self._took.append(took)

@@ -76,6 +76,11 @@ class SimulatedLine:
         data, self._answer = self._answer[:size], self._answer[size:]
         return data
 
+    @property
+    def in_waiting(self) -> int:
+        """How many bytes have come, and are not read yet."""
+        return len(self._answer)
+
     def reset_input_buffer(self) -> None:
         """Forget what has come."""
         self._check()

@@ -74,6 +74,8 @@ class Upkeep:
         for servo, condition in zip(self._robot.servos, self._conditions, strict=True):
             if servo.id in silent:
                 condition.put_out(NO_ANSWER)
+            elif condition.reason == NO_ANSWER and not condition.ready:
+                condition.set_up()  # its line only hung
         heard = zip(self._conditions, self._reader.fresh, strict=True)
         return np.array([bool(fresh) and condition.heard() for condition, fresh in heard])
 

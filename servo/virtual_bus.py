@@ -48,7 +48,7 @@ LONGEST_STEP = 0.01
 """Motion is computed in steps of at most this [s]."""
 
 PAUSE = 0.1
-"""Who looks no sooner again had to wait for its turn [s]."""
+"""After a longer gap the process had to wait for its turn [s]."""
 
 
 def servo_specs(robot: "Robot", bus: str | None = None) -> list[ServoSpec]:
@@ -101,8 +101,8 @@ def serve(wires: Mapping[int, VirtualWire], commands: int) -> None:
         while on_the_way and on_the_way[0][0] <= now:
             _, servos_end, answers = heapq.heappop(on_the_way)
             os.write(servos_end, answers)
-        # While this process waits for its turn, its servos' time stands still: their watchdogs must not bite.
-        last = max(last, now - PAUSE)
+        if now - last > PAUSE:  # its servos did not live through it: their watchdogs must not bite
+            last = now
         while last < now and (readable or now - last > LONGEST_STEP):
             step = min(now - last, LONGEST_STEP)
             for wire in wires.values():

@@ -67,10 +67,10 @@ _HEARD = "document.body.classList.add('studio-heard');"
 # viser turns the camera by the arrow keys, also while these move a slider or choose a tab.
 _START = f"""
 setTimeout(() => {{ {_HEARD} }}, 5000);
-document.body.addEventListener('keydown', event => {{
+document.body.onkeydown = event => {{
   const moves = event.target.matches('[role=slider], [role=tab]');
   if (moves && event.key.startsWith('Arrow')) event.stopPropagation();
-}});
+}};
 """
 
 

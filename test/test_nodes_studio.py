@@ -204,7 +204,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         )
         (tmp_path / "banks" / "mine.yaml").unlink()
         button(page, "over the hills").wait_for(state="detached")
-        assert len(asked) == 3, "what others ask for is shown, not asked for again"
+        assert len(asked) == 3, f"what others ask for is shown, not asked for again: {asked}"
         button(page, "thanks").click()
         wait_until(lambda: "thanks" in [heard.message.name for heard in record.selected], 20, "the gesture")
 
