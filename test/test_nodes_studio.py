@@ -183,6 +183,7 @@ def test_two_pages_steer_the_robot_and_agree(listener, address, tmp_path):
         )
         button(page, "Free the motion").click()
         wait_until(lambda: not record.states[-1].message.constraints, 20, "no control")
+        wait_until(lambda: isinstance(asked[-1], Control) and not asked[-1].constraints, 20, "what was asked")
 
         asked.clear()
         emotions.publish(Emotion(expression="angry"))
