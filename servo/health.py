@@ -12,6 +12,10 @@ from gesture_bot.servo.preparation import hardware_errors
 SLOWEST = 0.3
 """Share of its velocity limit at which the joint of a servo moves that is nearly hot."""
 
+REBOOTED = "was switched off and on"
+BITTEN = "was stopped by its watchdog"
+"""Why a servo that was set up does not do what it is told."""
+
 
 @dataclass(frozen=True)
 class Health:
@@ -39,8 +43,8 @@ class Health:
         if self.errors:
             return "reports " + " and ".join(self.errors)
         if not self.torque or self.watchdog == 0:
-            return "was switched off and on"
-        return "was stopped by its watchdog" if self.watchdog == WATCHDOG_ERROR else ""
+            return REBOOTED
+        return BITTEN if self.watchdog == WATCHDOG_ERROR else ""
 
 
 def read_health(bus: Bus, servo_id: int, model: Model) -> Health | None:

@@ -10,8 +10,8 @@ from gesture_bot.base.errors import BusError, PortError
 from gesture_bot.retarget.robot import Robot
 from gesture_bot.servo.buses import RobotBus
 from gesture_bot.servo.condition import HOT, NO_ANSWER, RELAXED, Condition
-from gesture_bot.servo.health import Health, Heat, read_health
-from gesture_bot.servo.models import WATCHDOG_UNIT, find_model
+from gesture_bot.servo.health import BITTEN, REBOOTED, Health, Heat, read_health
+from gesture_bot.servo.models import WATCHDOG_ERROR, WATCHDOG_UNIT, find_model
 from gesture_bot.servo.preparation import setting_up
 from gesture_bot.servo.present import PresentReader
 
@@ -69,13 +69,16 @@ class Upkeep:
             self._steps = iter(())
 
     def heed(self) -> np.ndarray:
-        """After a cycle, see who has fallen silent; returns (j,) who is back in service from now on."""
+        """After a cycle, see who has fallen silent; returns (j,) who is back in service from now on.
+
+        Raises:
+            PortError: The port has vanished.
+        """
         silent = self._reader.silent
         for servo, condition in zip(self._robot.servos, self._conditions, strict=True):
             if servo.id in silent:
                 condition.put_out(NO_ANSWER)
-            elif condition.reason == NO_ANSWER and not condition.ready:
-                condition.set_up()  # its line only hung
+        self._take_back()
         heard = zip(self._conditions, self._reader.fresh, strict=True)
         return np.array([bool(fresh) and condition.heard() for condition, fresh in heard])
 
@@ -145,6 +148,19 @@ class Upkeep:
             condition.put_out(health.trouble)
         if condition.out and not health.errors and not hot:
             self._steps = self._bring_back(joint)
+
+    def _take_back(self) -> None:
+        """Servos whose line only hung are as they were, if their watchdogs say so: armed, not bitten."""
+        hung = {
+            servo.id: condition
+            for servo, condition in zip(self._robot.servos, self._conditions, strict=True)
+            if condition.reason == NO_ANSWER and not condition.ready and servo.id not in self._reader.silent
+        }
+        for servo_id, told in self._bus.sync_read(hung, "Bus Watchdog", 1, fast=False).items():
+            if told[0] in (0, WATCHDOG_ERROR):
+                hung[servo_id].put_out(BITTEN if told[0] else REBOOTED)
+            else:
+                hung[servo_id].set_up()
 
     def _bring_back(self, joint: int) -> Iterator[None]:
         servo = self._robot.servos[joint]

@@ -396,6 +396,19 @@ def test_a_virtual_bus_whose_process_waits_for_its_turn_needs_not_be_set_up_agai
         driver.close()
 
 
+def test_a_power_dip_of_the_whole_bus_is_no_hang(driver, wire):
+    run(driver, 0.2)
+    for servo in wire.servos.values():
+        servo.power = False
+    run(driver, 0.1, T0 + 0.2)
+    for servo in wire.servos.values():
+        servo.reboot()
+    run(driver, 0.03, T0 + 0.3)
+    assert driver.status.out == dict.fromkeys(ROBOT.joints, "was switched off and on")
+    run(driver, 3.0, T0 + 0.4)
+    assert not driver.status.out and not driver.status.holding
+
+
 def test_an_answer_that_came_while_the_thread_paused_is_in_time(wire, monkeypatch):
     bus = Bus(wire.port, ROBOT.bus.baudrate)
     bus.hurry()
