@@ -150,15 +150,18 @@ class Upkeep:
             self._steps = self._bring_back(joint)
 
     def _take_back(self) -> None:
-        """Servos whose line only hung are as they were, if their watchdogs say so: armed, not bitten."""
+        """Servos whose line only hung go on where torque is on, and the watchdog armed and not bitten."""
         hung = {
             servo.id: condition
             for servo, condition in zip(self._robot.servos, self._conditions, strict=True)
             if condition.reason == NO_ANSWER and not condition.ready and servo.id not in self._reader.silent
         }
-        for servo_id, told in self._bus.sync_read(hung, "Bus Watchdog", 1, fast=False).items():
-            if told[0] in (0, WATCHDOG_ERROR):
-                hung[servo_id].put_out(BITTEN if told[0] else REBOOTED)
+        torque = self._bus.sync_read(hung, "Torque Enable", 1, fast=False)
+        for servo_id, watchdog in self._bus.sync_read(torque, "Bus Watchdog", 1, fast=False).items():
+            if torque[servo_id] == b"\0" or watchdog == b"\0":
+                hung[servo_id].put_out(REBOOTED)
+            elif watchdog[0] == WATCHDOG_ERROR:
+                hung[servo_id].put_out(BITTEN)
             else:
                 hung[servo_id].set_up()
 

@@ -409,6 +409,16 @@ def test_a_power_dip_of_the_whole_bus_is_no_hang(driver, wire):
     assert not driver.status.out and not driver.status.holding
 
 
+def test_a_servo_without_torque_is_not_taken_back_after_a_hang(driver, wire):
+    run(driver, 0.2)
+    wire.faults.lost_replies = 1.0
+    run(driver, 0.1, T0 + 0.2)
+    wire.servos[ELBOW_ID].set("Torque Enable", 0)
+    wire.faults.lost_replies = 0.0
+    run(driver, 0.03, T0 + 0.3)
+    assert driver.status.out == {"left_elbow": "was switched off and on"}
+
+
 def test_an_answer_that_came_while_the_thread_paused_is_in_time(wire, monkeypatch):
     bus = Bus(wire.port, ROBOT.bus.baudrate)
     bus.hurry()
